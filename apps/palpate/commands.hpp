@@ -1,0 +1,72 @@
+// The subcommands: plain options in, work done, lines or one JSON object out. main.cpp alone knows the
+// command line (CLI11 takes seconds to compile); each run_* lives in its own file and throws Error.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "console.hpp"
+
+namespace palpate {
+
+struct LatticeOptions {
+  std::filesystem::path input, output;
+  std::string unit = "m";
+  int subdivisions = 40;
+  double spacing = 0;           // file units; 0: from subdivisions
+  double margin = 0;            // file units
+  std::string sign = "auto";    // auto | pseudonormal | winding
+  std::string format = "auto";  // auto (by extension) | h5 | text | vtu
+};
+void run_lattice(const LatticeOptions& options, const Console& console);
+
+struct PadCommandOptions {
+  std::filesystem::path input, output;
+  std::string unit = "m", name = "tissue";
+  std::vector<std::string> regions;  // NAME=FILE
+  double spacing = 0;                // file units; 0: mean edge length
+  bool grade = true;
+};
+void run_pad(const PadCommandOptions& options, const Console& console);
+
+struct PrecomputeOptions {
+  std::filesystem::path input, output;
+  std::string unit = "m";
+  std::vector<std::string> materials;  // REGION=E,nu[,density]
+  std::vector<std::string> anchors;    // grammar of parse_anchor, lengths in file units
+};
+void run_precompute(const PrecomputeOptions& options, const Console& console);
+
+struct SimulateOptions {
+  std::filesystem::path scene, output;
+  std::size_t steps = 0;   // 0: as the scene says
+  std::size_t every = 25;  // steps between frames
+  bool pictures = true;
+};
+void run_simulate(const SimulateOptions& options, const Console& console);
+
+struct InfoOptions {
+  std::filesystem::path input;
+  std::string unit = "m";
+  bool verify = false;
+};
+void run_info(const InfoOptions& options, const Console& console);
+
+struct ConvertOptions {
+  std::filesystem::path input, output;
+  std::string unit = "m", to_unit = "m";
+};
+void run_convert(const ConvertOptions& options, const Console& console);
+
+struct DemoOptions {
+  std::filesystem::path output = "out/demo";
+  std::filesystem::path instrument;  // empty: bishop.iv of Debian's inventor-data
+  int nodes = 3000;
+  std::size_t steps = 2400;
+  bool pictures = true;
+};
+void run_demo(const DemoOptions& options, const Console& console);
+
+}  // namespace palpate

@@ -1,0 +1,206 @@
+// The program: options to structs, dispatch, errors to one line and an exit code (docs/errors.md).
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <new>
+
+#include "commands.hpp"
+#include "palpate/base/error.hpp"
+#if PALPATE_HAS_precompute
+#include "palpate/compliance/blas.hpp"
+#endif
+
+namespace palpate {
+namespace {
+
+// A subcommand with its help, an example at the foot, and what it runs.
+[[maybe_unused]] CLI::App* command(CLI::App& app, const std::string& name, const std::string& help,
+                                   const std::string& example) {
+  CLI::App* sub = app.add_subcommand(name, help);
+  sub->footer("Example:\n  " + example);
+  return sub;
+}
+
+[[maybe_unused]] const std::string unit_help = "unit of the file's lengths: m, cm, mm, um, in, ft";
+
+#if PALPATE_HAS_lattice
+void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
+  CLI::App* c = command(app, "lattice", "Turn a surface into a lattice of exact signed distances.",
+                        "palpate lattice bishop.iv --unit m --subdivisions 40 -o bishop.h5");
+  c->add_option("input", o.input, "surface: .iv .obj .stl .ply .glb")->required();
+  c->add_option("-o,--output", o.output, "file to write; - prints the text format")->required();
+  c->add_option("--unit", o.unit, unit_help)->capture_default_str();
+  c->add_option("-n,--subdivisions", o.subdivisions, "cells along the shortest side of the bounding box")
+      ->capture_default_str();
+  c->add_option("--spacing", o.spacing, "cell size instead, in file units");
+  c->add_option("--margin", o.margin, "grow the box by this much on all sides, in file units");
+  c->add_option("--sign", o.sign, "auto, pseudonormal or winding")->capture_default_str();
+  c->add_option("--format", o.format,
+                "auto (by extension), h5, text (the thesis' seven numbers a line) or vtu")
+      ->capture_default_str();
+  c->callback([&] { run_lattice(o, console); });
+}
+#endif
+
+#if PALPATE_HAS_pad
+void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
+  CLI::App* c = command(app, "pad", "Fill a closed surface with tetrahedra.",
+                        "palpate pad kidney.stl --unit mm --region stone=stone.stl -o kidney.vtu");
+  c->add_option("input", o.input, "closed surface")->required();
+  c->add_option("-o,--output", o.output, "tetrahedra: .vtu .msh .mesh .vtk .node (written in metres)")
+      ->required();
+  c->add_option("--unit", o.unit, unit_help)->capture_default_str();
+  c->add_option("--region", o.regions,
+                "NAME=FILE, a closed surface inside (repeatable; later ones lie inside earlier ones)");
+  c->add_option("--name", o.name, "name of the region in no inner surface")->capture_default_str();
+  c->add_option("--spacing", o.spacing,
+                "of the interior nodes near the surface, in file units (default: mean edge length)");
+  c->add_flag("!--uniform", o.grade, "do not let the tetrahedra grow with depth");
+  c->callback([&] { run_pad(o, console); });
+}
+#endif
+
+#if PALPATE_HAS_precompute
+void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console) {
+  CLI::App* c =
+      command(app, "precompute",
+              "Turn tetrahedra, materials and anchors into a model (the compliance of its surface).",
+              "palpate precompute kidney.vtu --material tissue=10e3,0.45 --material stone=1e9,0.3 \\\n"
+              "    --anchor \"half-space 0 0 -0.02 0 0 1\" -o kidney.h5");
+  c->add_option("input", o.input, "tetrahedra: .vtu .msh .mesh .vtk .node")->required();
+  c->add_option("-o,--output", o.output, "model to write (.h5)")->required();
+  c->add_option("--unit", o.unit, unit_help)->capture_default_str();
+  c->add_option("--material", o.materials,
+                "REGION=E,nu[,density]: Pa, -, kg/m3 (repeatable; without REGION= for all regions)");
+  c->add_option("--anchor", o.anchors,
+                "fixed nodes (repeatable): box x0 y0 z0 x1 y1 z1 | sphere x y z r | half-space px py pz nx "
+                "ny nz | region NAME | nodes 1,2,3");
+  c->callback([&] { run_precompute(o, console); });
+}
+#endif
+
+#if PALPATE_HAS_simulate
+void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
+  CLI::App* c = command(app, "simulate", "Run a scene file and leave frames, forces and a summary.",
+                        "palpate simulate scenes/kidney.toml -o out/kidney");
+  c->add_option("scene", o.scene, "scene file (.toml, docs/scenes.md)")->required();
+  c->add_option("-o,--output", o.output, "folder to write")->required();
+  c->add_option("--steps", o.steps, "stop after so many steps (default: to the end of the motion)");
+  c->add_option("--every", o.every, "steps between frames; 0: no frames")->capture_default_str();
+  c->add_flag("!--no-pictures", o.pictures, "no contact sheet");
+  c->callback([&] { run_simulate(o, console); });
+}
+#endif
+
+#if PALPATE_HAS_info
+void add_info(CLI::App& app, InfoOptions& o, const Console& console) {
+  CLI::App* c = command(app, "info", "Say what a file holds: surface, tetrahedra, lattice or model.",
+                        "palpate info liver.obj --unit mm");
+  c->add_option("input", o.input, "any file palpate reads")->required();
+  c->add_option("--unit", o.unit, unit_help)->capture_default_str();
+  c->add_flag("--verify", o.verify, "also compare all checksums");
+  c->callback([&] { run_info(o, console); });
+}
+#endif
+
+#if PALPATE_HAS_convert
+void add_convert(CLI::App& app, ConvertOptions& o, const Console& console) {
+  CLI::App* c =
+      command(app, "convert", "Convert between mesh formats, models and the thesis' hand-over format.",
+              "palpate convert ventricle.msh --unit mm ventricle.vtu");
+  c->add_option("input", o.input, "file to read")->required();
+  c->add_option("output", o.output,
+                "file to write; its extension says the format (.handover: T 5.1.3, .inp: CalculiX)")
+      ->required();
+  c->add_option("--unit", o.unit, unit_help)->capture_default_str();
+  c->add_option("--to-unit", o.to_unit, "unit of the lengths written")->capture_default_str();
+  c->callback([&] { run_convert(o, console); });
+}
+#endif
+
+#if PALPATE_HAS_demo
+void add_demo(CLI::App& app, DemoOptions& o, const Console& console) {
+  CLI::App* c = command(app, "demo", "A kidney with a stone, pressed by a chess bishop: the whole path.",
+                        "palpate demo -o out/demo");
+  c->add_option("-o,--output", o.output, "folder to write")->capture_default_str();
+  c->add_option("--instrument", o.instrument,
+                "surface of the instrument (default: bishop.iv of Debian's inventor-data)");
+  c->add_option("--nodes", o.nodes, "surface nodes of the kidney")->capture_default_str();
+  c->add_option("--steps", o.steps, "steps of the motion")->capture_default_str();
+  c->add_flag("!--no-pictures", o.pictures, "no contact sheet");
+  c->callback([&] { run_demo(o, console); });
+}
+#endif
+
+int run(int argc, char** argv) {
+  Console console;
+  CLI::App app("palpate: organs that deform as elasticity says, with contact forces at haptic rate.",
+               "palpate");
+  app.set_version_flag("--version", PALPATE_VERSION);
+  app.add_flag("--json", console.json, "print one JSON object instead of lines");
+  app.add_option("--threads", console.threads, "threads to use (default: all)");
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.footer(
+      "Exit codes: 0 done, 1 internal, 2 usage, 3 file, 4 format, 5 geometry, 6 physics, 7 memory, 130 "
+      "interrupted.\n"
+      "palpate COMMAND --help shows an example.");
+#if PALPATE_HAS_lattice
+  LatticeOptions lattice;
+  add_lattice(app, lattice, console);
+#endif
+#if PALPATE_HAS_pad
+  PadCommandOptions pad;
+  add_pad(app, pad, console);
+#endif
+#if PALPATE_HAS_precompute
+  PrecomputeOptions precompute;
+  add_precompute(app, precompute, console);
+#endif
+#if PALPATE_HAS_simulate
+  SimulateOptions simulate;
+  add_simulate(app, simulate, console);
+#endif
+#if PALPATE_HAS_info
+  InfoOptions info;
+  add_info(app, info, console);
+#endif
+#if PALPATE_HAS_convert
+  ConvertOptions convert;
+  add_convert(app, convert, console);
+#endif
+#if PALPATE_HAS_demo
+  DemoOptions demo;
+  add_demo(app, demo, console);
+#endif
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ErrorKind::usage);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+#if PALPATE_HAS_precompute
+  palpate::set_up_blas();
+#endif
+  palpate::catch_interrupts();
+  try {
+    return palpate::run(argc, argv);
+  } catch (const palpate::Error& error) {
+    fmt::print(stderr, "palpate: {}\n", error.what());
+    return static_cast<int>(error.kind());
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr, "palpate: out of memory; use a smaller model or close other programs\n");
+    return static_cast<int>(palpate::ErrorKind::resource);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "palpate: internal error: {}; please report it with the command that led to it\n",
+               error.what());
+    return static_cast<int>(palpate::ErrorKind::internal);
+  }
+}

@@ -1,0 +1,36 @@
+// Rigid shapes a soft surface can touch: a lattice, or an exact primitive (T 3.2.3's sphere among them). All
+// in the shape's own frame.
+#pragma once
+
+#include <memory>
+#include <variant>
+
+#include "palpate/lattice/lattice.hpp"
+
+namespace palpate {
+
+struct Sphere {
+  double radius;
+};  // about the origin, m
+struct Capsule {
+  double radius, half_length;
+};  // along z: the segment (0, 0, +-half_length) swept by a ball
+struct Cuboid {
+  Vec3 half;
+};                    // |x| <= half
+struct HalfSpace {};  // z <= 0 is solid
+using Shape = std::variant<Sphere, Capsule, Cuboid, HalfSpace, std::shared_ptr<const Lattice>>;
+
+struct Gap {
+  double distance = 0;         // signed, m, negative inside
+  Vec3 normal = Vec3::Zero();  // unit, outwards, continuous where the surface is smooth
+};
+
+double distance(const Shape& shape, const Vec3& p) noexcept;
+Gap gap(const Shape& shape, const Vec3& p) noexcept;
+// Box about the solid, infinite for a half-space along x, y and -z.
+Box bounding_box(const Shape& shape) noexcept;
+// For drawing and for checks: triangles of a primitive (half-space: a square of 0.2 m).
+TriangleMesh surface_of_primitive(const Shape& shape);
+
+}  // namespace palpate

@@ -1,0 +1,46 @@
+// Closest point on a triangle mesh by a tree of boxes.
+// Ericson, Real-Time Collision Detection (2005), 5.1.5 (closest point on a triangle) and ch. 6.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "palpate/geometry/triangle_mesh.hpp"
+
+namespace palpate {
+
+// The part of a triangle a closest point lies on.
+enum class Feature : std::uint8_t { vertex0, vertex1, vertex2, edge01, edge12, edge20, face };
+
+struct ClosestPoint {
+  Vec3 point = Vec3::Zero();                                          // on the surface, m
+  double distance_squared = std::numeric_limits<double>::infinity();  // m2
+  Index triangle = -1;                                                // -1: none within the bound
+  Feature feature = Feature::face;
+};
+
+ClosestPoint closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c);
+
+// Built once, then const and thread-safe. Keeps its own copy of the corners.
+class Bvh {
+ public:
+  explicit Bvh(const TriangleMesh& mesh);
+  // The closest point nearer than sqrt(bound_squared). Of several at the same distance the lowest triangle
+  // number wins, so the answer does not depend on the tree.
+  ClosestPoint closest(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity()) const;
+
+ private:
+  struct Node {
+    Vec3f min, max;  // rounded outwards
+    Index first,
+        count;  // leaf: triangles [first, first + count); inner: count 0, children first and first + 1
+  };
+  struct Corners {
+    Vec3 a, b, c;
+    Index triangle;
+  };
+  std::vector<Node> nodes_;
+  std::vector<Corners> corners_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,87 @@
+// A rigid body as a regular grid of signed distances and closest surface points (T 5.1.1, 5.2).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "palpate/base/progress.hpp"
+#include "palpate/base/vec.hpp"
+#include "palpate/geometry/signed_distance.hpp"
+
+namespace palpate {
+
+// Regular grid: point (i, j, k) lies at origin + h (i, j, k) and has number (i*n[1] + j)*n[2] + k, z fastest.
+struct Grid {
+  Vec3 origin = Vec3::Zero();       // m
+  double h = 0;                     // m
+  std::array<std::int32_t, 3> n{};  // points along x, y, z; at least 2
+
+  std::size_t size() const { return std::size_t(n[0]) * std::size_t(n[1]) * std::size_t(n[2]); }
+  Vec3 point(int i, int j, int k) const { return origin + h * Vec3(i, j, k); }
+  Box box() const { return {origin, point(n[0] - 1, n[1] - 1, n[2] - 1)}; }
+};
+
+// h = shortest side of the box / subdivisions; origin at the box's corner less `margin` (m, all sides);
+// the other sides grow to a multiple of h (DESIGN: T 5.1.1).
+Grid make_grid(const Box& box, int subdivisions, double margin = 0);
+
+// Exact samples, float64: what is computed and written (offline).
+struct LatticeSamples {
+  Grid grid;
+  std::vector<double> distance;  // m, negative inside, one a grid point
+  std::vector<Vec3> closest;     // m, closest surface point of each grid point
+  SignMethod sign = SignMethod::pseudonormal;
+};
+
+// Exact distance at every grid point. `threads` 0: all processors. Same bits for any number of threads.
+LatticeSamples sample_lattice(const SignedDistanceField& surface, const Grid& grid, int threads = 0,
+                              const Progress& progress = {});
+
+struct InterpolationError {
+  double max = 0, rms = 0;  // m, |trilinear - exact| over `points` random points within the box
+};
+InterpolationError estimate_error(const SignedDistanceField& surface, const LatticeSamples& samples,
+                                  int points, std::uint64_t seed = 1);
+
+// Distance and its gradient at a point.
+struct LatticeSample {
+  double distance = 0;           // m
+  Vec3 gradient = Vec3::Zero();  // of the distance
+};
+
+// What is asked online: immutable, thread-safe, no allocation. float32 storage.
+class Lattice {
+ public:
+  explicit Lattice(const LatticeSamples& samples);
+  const Grid& grid() const { return grid_; }
+  std::span<const float> distances() const { return distance_; }
+  std::span<const Vec3f> closest_points() const { return closest_; }
+  SignMethod sign() const { return sign_; }
+
+  // Trilinear interpolation (T 5.2.2). Outside the box: distance to the box plus the least the surface can be
+  // away from there (a lower bound of the distance), gradient towards away-from-the-box.
+  double distance(const Vec3& p) const noexcept;
+  // The trilinear distance, and a gradient that is continuous across cells: trilinear interpolation of the
+  // exact gradients (p - closest)/distance at the grid points, normalised; for contact, where the
+  // interpolant's own gradient jumps between cells and makes Newton cycle.
+  LatticeSample sample(const Vec3& p) const noexcept;
+  void distance(std::span<const Vec3> points, std::span<double> out) const noexcept;
+  void sample(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept;
+  // Interpolated closest point, when the eight corners agree to within 2 h and it lies within the
+  // interpolation error of the surface; empty across the medial axis, where an interpolated point means
+  // nothing (T 7.2 point 3).
+  std::optional<Vec3> closest(const Vec3& p) const noexcept;
+
+ private:
+  friend class LatticeIo;
+  Grid grid_;
+  std::vector<float> distance_;
+  std::vector<Vec3f> closest_;
+  std::vector<Vec3f> gradient_;  // unit, at each grid point
+  SignMethod sign_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,101 @@
+// What a simulation is made of: a Model that never changes while it runs, a State that is plain data, an
+// Input a tick.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "palpate/contact/shape.hpp"
+#include "palpate/simulation/organ.hpp"
+
+namespace palpate {
+
+struct Instrument {
+  std::string name;
+  Shape shape;           // in the instrument's frame
+  TriangleMesh surface;  // for drawing, same frame
+};
+
+enum class Mode : std::uint8_t {
+  unilateral,  // gap >= 0, pressure >= 0, gap * pressure = 0; frictionless (default)
+  prescribed,  // the thesis: touched nodes are moved onto the instrument's surface; may pull (T 4.3.2)
+  gaussian,    // no collision: a bell of force about the instrument's origin, along its -z (T fig. 6.3)
+  imprint      // no elasticity: touched nodes are moved onto the surface and stay (T fig. 6.4)
+};
+const char* name(Mode mode);
+Mode parse_mode(const std::string& text);  // Error(usage) lists them
+
+struct Settings {
+  Mode mode = Mode::unilateral;
+  double tolerance = 1e-6;  // of the gaps, relative to the organ's size (diagonal of its box)
+  int max_contacts = 1000;  // beyond it: status too_many_contacts, the deepest are kept
+  int max_relinearisations =
+      30;  // of the gap function in a tick; beyond it: status not_converged, the next tick goes on
+  double gaussian_force = 1;      // N, total
+  double gaussian_radius = 0.01;  // m, standard deviation of the bell
+};
+
+struct Model {
+  Organ organ;
+  std::vector<Instrument> instruments;
+  Settings settings;
+};
+
+struct Input {
+  double time = 0;  // s, kept for the record; the statics do not use it
+  Pose organ;       // of the anchor's frame: moving it moves the whole body without deforming it
+  std::vector<Pose> instruments;  // one an instrument, world
+};
+
+enum StatusBits : std::uint32_t {
+  status_ok = 0,
+  not_converged = 1,      // tolerance not reached within max_relinearisations
+  too_many_contacts = 2,  // more than max_contacts
+  bad_input = 4,          // NaN or infinite pose, wrong number of poses: the tick was skipped, the state kept
+  centre_inside = 8       // an instrument lies so deep that its far side is nearer: forces there mean little
+};
+
+struct Contact {
+  Index node = -1;  // surface node
+  Index instrument = -1;
+  Vec3 force = Vec3::Zero();  // on the organ, N, world
+  double gap_before = 0;      // m, of the node at rest: minus the penetration depth
+  double gap_after = 0;       // m, after the solve
+};
+
+struct Wrench {
+  Vec3 force = Vec3::Zero();   // on the instrument, N, world
+  Vec3 torque = Vec3::Zero();  // about the instrument's origin, N m, world
+};
+
+// Seconds of each part of the last tick, wall.
+struct StepTimes {
+  double detect = 0, solve = 0, deform = 0, total = 0;
+};
+
+struct StepScratch;  // preallocated work space (step.cpp)
+
+struct State {
+  std::vector<Vec3f> displacement;  // of the surface nodes from rest, organ frame, m
+  std::vector<Contact> contacts;    // of this tick, by node
+  std::vector<Wrench> wrenches;     // one an instrument
+  double deepest_before = 0;        // m, largest penetration of a node at rest, >= 0
+  double deepest_after = 0;         // m, largest penetration left
+  int relinearisations = 0;
+  std::uint32_t status = status_ok;
+  Pose organ;  // of the last tick's input
+  StepTimes times;
+  std::shared_ptr<StepScratch> scratch;
+};
+
+State make_state(const Model& model);
+// One tick. Never throws, allocates or locks.
+void step(const Model& model, State& state, const Input& input) noexcept;
+// Deformed surface node in the world.
+inline Vec3 deformed(const Model& model, const State& state, Index node) {
+  return state.organ * (model.organ.surface.vertices[static_cast<std::size_t>(node)] +
+                        state.displacement[static_cast<std::size_t>(node)].cast<double>());
+}
+
+}  // namespace palpate

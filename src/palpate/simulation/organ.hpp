@@ -1,0 +1,50 @@
+// A soft body, baked: tetrahedra, materials and anchors turned into the compliance between its surface nodes.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "palpate/base/progress.hpp"
+#include "palpate/compliance/compliance.hpp"
+#include "palpate/elasticity/anchor.hpp"
+#include "palpate/elasticity/material.hpp"
+#include "palpate/geometry/tet_mesh.hpp"
+
+namespace palpate {
+
+// Immutable after bake() or read_organ().
+struct Organ {
+  TetMesh mesh;                     // at rest, m
+  std::vector<Material> materials;  // one a region
+  std::vector<Anchor> anchors;      // as given
+  TriangleMesh surface;  // boundary of the mesh, at rest; its vertices are the surface nodes, numbered 0..s-1
+  std::vector<Index> surface_nodes;  // mesh node of each surface node; size s
+  std::vector<double> areas;         // m2, a third of the adjacent triangles; size s
+  std::vector<Index> row_of;         // row of each surface node in the compliance, -1: anchored; size s
+  std::vector<Index> node_of_row;    // surface node of each row; size compliance.nodes()
+  Compliance compliance;             // between the free surface nodes, m/N
+  std::uint64_t hash = 0;            // of mesh, materials and anchors: what the compliance was computed from
+
+  std::size_t surface_size() const { return surface.vertices.size(); }
+};
+
+struct BakeReport {
+  std::size_t nodes = 0, tets = 0, surface_nodes = 0, free_surface_nodes = 0, factor_entries = 0;
+  double assemble_seconds = 0, order_seconds = 0, factor_seconds = 0, sweep_seconds = 0;  // wall
+};
+
+// Throws Error(geometry | physics | resource); memory is checked before the work starts.
+Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads = 0,
+           const Progress& progress = {}, BakeReport* report = nullptr);
+
+std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& materials,
+                         const std::vector<Anchor>& anchors);
+
+// HDF5, container kind "model". The compliance is stored as its packed lower triangle. read_organ checks
+// sizes, indices and the hash; verify: checksums of the big arrays too.
+void write_organ(const std::filesystem::path& path, const Organ& organ, const std::string& provenance,
+                 const Progress& progress = {});
+Organ read_organ(const std::filesystem::path& path, bool verify = true, const Progress& progress = {});
+
+}  // namespace palpate

@@ -1,0 +1,40 @@
+// Scene files (TOML) and motions (CSV): what `palpate simulate` runs. docs/scenes.md shows both with units.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "palpate/simulation/model.hpp"
+
+namespace palpate {
+
+// Poses over time, one row a key: time_s, then per instrument x y z (m) qw qx qy qz. Between keys: linear and
+// slerp.
+struct Motion {
+  std::vector<double> times;             // s, increasing
+  std::vector<std::vector<Pose>> poses;  // [key][instrument]
+};
+// Header line names the columns: time, NAME.x, NAME.y, NAME.z, NAME.qw, NAME.qx, NAME.qy, NAME.qz
+// (instrument's name, or "organ"). Missing columns: fixed. Error(format) with the line.
+struct MotionFile {
+  Motion motion;            // of the instruments, in the given order
+  std::vector<Pose> organ;  // one a key
+};
+MotionFile read_motion(const std::filesystem::path& path, const std::vector<std::string>& instruments,
+                       double unit = 1.0);
+void write_motion(const std::filesystem::path& path, const MotionFile& motion,
+                  const std::vector<std::string>& instruments);
+Input input_at(const MotionFile& motion, double time);
+
+struct Scene {
+  Model model;
+  MotionFile motion;
+  double dt = 0.001;      // s
+  std::size_t steps = 0;  // to the end of the motion unless given
+};
+// Paths in the file are relative to the file. Bakes what is not baked: an organ given as a surface or as
+// tetrahedra is padded and precomputed, an instrument given as a surface becomes a lattice.
+Scene read_scene(const std::filesystem::path& path, int threads = 0, const Progress& progress = {});
+
+}  // namespace palpate
