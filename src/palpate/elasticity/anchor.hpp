@@ -28,12 +28,15 @@ struct AnchorNodes {
 using Anchor = std::variant<AnchorBox, AnchorSphere, AnchorHalfSpace, AnchorRegion, AnchorNodes>;
 
 // Reads "box x0 y0 z0 x1 y1 z1", "sphere x y z r", "half-space px py pz nx ny nz", "region NAME", "nodes
-// 1,2,3"; lengths times `unit`. Error(usage) with the grammar otherwise.
+// 1,2,3"; lengths (not normals) times `unit`, a box by any two opposite corners. Error(usage) with the
+// grammar otherwise.
 Anchor parse_anchor(const std::string& text, double unit = 1.0);
 std::string to_string(const Anchor& anchor);  // metres; parse_anchor reads it back
 
-// One flag a node. Throws Error(physics) when the anchored nodes leave a rigid motion free in some connected
-// part: none at all, fewer than three, or all on one line; says which part and how to choose better.
+// One flag a node; lengths are taken with a tolerance of 1e-9 of the mesh's diagonal. Nodes of no tetrahedron
+// count as anchored: they have no stiffness. Throws Error(physics) when the anchored nodes leave a rigid
+// motion free in some part (tetrahedra joined by faces): none at all, fewer than three, or all on one line;
+// says which part and how to choose better. Throws Error(usage) for a region or node that is not there.
 std::vector<std::uint8_t> anchored_nodes(const TetMesh& mesh, const std::vector<Anchor>& anchors);
 
 }  // namespace palpate

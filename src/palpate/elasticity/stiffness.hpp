@@ -16,7 +16,8 @@ ElementStiffness element_stiffness_p1(const std::array<Vec3, 4>& corners, const 
 
 // K over all nodes, 3 unknowns a node (x y z), N/m. Symmetric; both triangles are stored. Same bits for any
 // thread count. materials: one a region. Throws Error(physics) or Error(geometry).
-Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const std::vector<Material>& materials);
+Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const std::vector<Material>& materials,
+                                               int threads = 0);
 
 // K with the anchored nodes' rows and columns removed, and the map between the two numberings.
 struct FreeStiffness {

@@ -1,0 +1,223 @@
+#include "palpate/elasticity/stiffness.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "palpate/base/error.hpp"
+#include "palpate/base/parallel_for.hpp"
+
+namespace palpate {
+
+namespace {
+
+// Linear shape functions of one tetrahedron: their constant gradients, and the volume.
+struct Gradients {
+  std::array<Vec3, 4> g;  // 1/m
+  double volume;          // m3
+};
+
+Gradients gradients(const std::array<Vec3, 4>& x) {
+  const Vec3 a = x[1] - x[0], b = x[2] - x[0], c = x[3] - x[0];
+  const Vec3 bc = b.cross(c), ca = c.cross(a), ab = a.cross(b);
+  const double six = a.dot(bc);
+  if (!(six > 0))
+    throw Error(ErrorKind::geometry, "a tetrahedron is flat or inverted (volume {} m3)", six / 6);
+  Gradients r{{Vec3::Zero(), bc / six, ca / six, ab / six}, six / 6};
+  r.g[0] = -(r.g[1] + r.g[2] + r.g[3]);
+  return r;
+}
+
+std::array<Vec3, 4> corners_of(const TetMesh& mesh, const Tetrahedron& t) {
+  std::array<Vec3, 4> x;
+  for (std::size_t i = 0; i < 4; ++i) x[i] = mesh.nodes[static_cast<std::size_t>(t[i])];
+  return x;
+}
+
+// Entry (a, b) of the 3x3 block between two corners with gradients g and h. Swapping (g, a) with (h, b) swaps
+// factors only, never the order of sums: K(i,j) and K(j,i) are the same bits.
+double entry(const Vec3& g, const Vec3& h, int a, int b, double lambda_v, double mu_v) {
+  const double shear = a == b ? g[b] * h[a] + (g[0] * h[0] + g[1] * h[1] + g[2] * h[2]) : g[b] * h[a];
+  return lambda_v * (g[a] * h[b]) + mu_v * shear;
+}
+
+struct Element {
+  Gradients shape;
+  double lambda_v, mu_v;  // Lame's parameters times the volume, J
+};
+
+// Lists in one array: those of i are items[start[i]] .. items[start[i + 1] - 1].
+struct Lists {
+  std::vector<std::size_t> start;
+  std::vector<Index> items;
+  std::span<const Index> operator[](std::size_t i) const {
+    return {items.data() + start[i], start[i + 1] - start[i]};
+  }
+};
+
+Lists tets_of_nodes(const TetMesh& mesh) {
+  Lists lists{std::vector<std::size_t>(mesh.nodes.size() + 1, 0), std::vector<Index>(4 * mesh.tets.size())};
+  for (const Tetrahedron& t : mesh.tets)
+    for (const Index v : t) ++lists.start[static_cast<std::size_t>(v) + 1];
+  for (std::size_t i = 0; i < mesh.nodes.size(); ++i) lists.start[i + 1] += lists.start[i];
+  std::vector<std::size_t> next(lists.start.begin(), lists.start.end() - 1);
+  for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+    for (const Index v : mesh.tets[e])
+      lists.items[next[static_cast<std::size_t>(v)]++] = static_cast<Index>(e);
+  return lists;
+}
+
+// Nodes that share a tetrahedron with each node, itself included, ascending.
+Lists neighbours_of_nodes(const TetMesh& mesh, const Lists& tets_of) {
+  Lists lists;
+  lists.start.reserve(mesh.nodes.size() + 1);
+  lists.start.push_back(0);
+  lists.items.reserve(16 * mesh.nodes.size());
+  std::vector<Index> seen_by(mesh.nodes.size(), -1);
+  for (std::size_t i = 0; i < mesh.nodes.size(); ++i) {
+    for (const Index e : tets_of[i])
+      for (const Index v : mesh.tets[static_cast<std::size_t>(e)])
+        if (seen_by[static_cast<std::size_t>(v)] != static_cast<Index>(i)) {
+          seen_by[static_cast<std::size_t>(v)] = static_cast<Index>(i);
+          lists.items.push_back(v);
+        }
+    std::sort(lists.items.begin() + static_cast<std::ptrdiff_t>(lists.start.back()), lists.items.end());
+    lists.start.push_back(lists.items.size());
+  }
+  return lists;
+}
+
+std::vector<Element> elements_of(const TetMesh& mesh, const std::vector<Material>& materials, int threads) {
+  if (materials.size() != mesh.region_names.size())
+    throw Error(ErrorKind::physics, "{} materials for {} regions; give each region one", materials.size(),
+                mesh.region_names.size());
+  for (std::size_t r = 0; r < materials.size(); ++r)
+    require_valid(materials[r], "region '" + mesh.region_names[r] + "'");
+  std::vector<Element> elements(mesh.tets.size());
+  parallel_for(mesh.tets.size(), 4096, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t e = begin; e < end; ++e) {
+      const Material& m = materials[static_cast<std::size_t>(mesh.regions[e])];
+      const Gradients shape = gradients(corners_of(mesh, mesh.tets[e]));
+      elements[e] = {shape, m.lambda() * shape.volume, m.mu() * shape.volume};
+    }
+  });
+  return elements;
+}
+
+}  // namespace
+
+ElementStiffness element_stiffness_p1(const std::array<Vec3, 4>& corners, const Material& material) {
+  const Gradients shape = gradients(corners);
+  const double lambda_v = material.lambda() * shape.volume, mu_v = material.mu() * shape.volume;
+  ElementStiffness k;
+  for (int i = 0; i < 12; ++i)
+    for (int j = 0; j < 12; ++j)
+      k(i, j) = entry(shape.g[static_cast<std::size_t>(i / 3)], shape.g[static_cast<std::size_t>(j / 3)],
+                      i % 3, j % 3, lambda_v, mu_v);
+  return k;
+}
+
+Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const std::vector<Material>& materials,
+                                               int threads) {
+  require_valid(mesh, "stiffness");
+  const std::vector<Element> elements = elements_of(mesh, materials, threads);
+  const Lists tets_of = tets_of_nodes(mesh), neighbours = neighbours_of_nodes(mesh, tets_of);
+  if (9 * neighbours.items.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    throw Error(ErrorKind::resource, "stiffness of {} nodes has more than 2^31 entries; use a coarser mesh",
+                mesh.nodes.size());
+
+  const auto n = static_cast<Eigen::Index>(3 * mesh.nodes.size());
+  Eigen::SparseMatrix<double> k(n, n);
+  k.resizeNonZeros(static_cast<Eigen::Index>(9 * neighbours.items.size()));
+  int* outer = k.outerIndexPtr();
+  outer[n] = static_cast<int>(9 * neighbours.items.size());
+  // Column by column: each thread writes its own nodes' columns, each sum runs over tetrahedra ascending.
+  parallel_for(mesh.nodes.size(), 256, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t j = begin; j < end; ++j) {
+      const std::span<const Index> rows = neighbours[j];
+      const std::size_t first = 9 * neighbours.start[j], height = 3 * rows.size();
+      double* values = k.valuePtr() + first;
+      std::fill_n(values, 3 * height, 0.0);
+      for (std::size_t b = 0; b < 3; ++b) {
+        outer[3 * j + b] = static_cast<int>(first + b * height);
+        int* inner = k.innerIndexPtr() + first + b * height;
+        for (const Index v : rows)
+          for (int a = 0; a < 3; ++a) *inner++ = 3 * v + a;
+      }
+      for (const Index e : tets_of[j]) {
+        const Tetrahedron& t = mesh.tets[static_cast<std::size_t>(e)];
+        const auto& [shape, lambda_v, mu_v] = elements[static_cast<std::size_t>(e)];
+        const auto own =
+            static_cast<std::size_t>(std::find(t.begin(), t.end(), static_cast<Index>(j)) - t.begin());
+        for (std::size_t i = 0; i < 4; ++i) {
+          const auto row =
+              static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), t[i]) - rows.begin());
+          for (std::size_t b = 0; b < 3; ++b)
+            for (std::size_t a = 0; a < 3; ++a)
+              values[b * height + 3 * row + a] +=
+                  entry(shape.g[i], shape.g[own], static_cast<int>(a), static_cast<int>(b), lambda_v, mu_v);
+        }
+      }
+    }
+  });
+  return k;
+}
+
+FreeStiffness remove_anchored(const Eigen::SparseMatrix<double>& stiffness,
+                              const std::vector<std::uint8_t>& anchored) {
+  if (stiffness.rows() != stiffness.cols() ||
+      stiffness.rows() != static_cast<Eigen::Index>(3 * anchored.size()))
+    throw Error(ErrorKind::internal, "remove_anchored: stiffness of {} rows, flags for {} nodes",
+                stiffness.rows(), anchored.size());
+  FreeStiffness free;
+  free.free_of.assign(anchored.size(), -1);
+  for (std::size_t i = 0; i < anchored.size(); ++i)
+    if (!anchored[i]) {
+      free.free_of[i] = static_cast<Index>(free.node_of.size());
+      free.node_of.push_back(static_cast<Index>(i));
+    }
+  const int* outer = stiffness.outerIndexPtr();
+  const auto free_row = [&](int entry) -> int {
+    const int row = stiffness.innerIndexPtr()[entry];
+    const Index node = free.free_of[static_cast<std::size_t>(row / 3)];
+    return node < 0 ? -1 : 3 * node + row % 3;
+  };
+  const auto n = static_cast<Eigen::Index>(3 * free.node_of.size());
+  std::vector<int> start(static_cast<std::size_t>(n) + 1, 0);
+  std::size_t column = 0;
+  for (const Index node : free.node_of)
+    for (int b = 0; b < 3; ++b, ++column) {
+      start[column + 1] = start[column];
+      for (int e = outer[3 * node + b]; e < outer[3 * node + b + 1]; ++e)
+        start[column + 1] += free_row(e) >= 0;
+    }
+  free.matrix.resize(n, n);
+  free.matrix.resizeNonZeros(start.back());
+  std::copy(start.begin(), start.end(), free.matrix.outerIndexPtr());
+  int next = 0;
+  for (const Index node : free.node_of)
+    for (int e = outer[3 * node]; e < outer[3 * node + 3]; ++e)
+      if (const int row = free_row(e); row >= 0) {
+        free.matrix.innerIndexPtr()[next] = row;
+        free.matrix.valuePtr()[next++] = stiffness.valuePtr()[e];
+      }
+  return free;
+}
+
+std::vector<Mat3> strains(const TetMesh& mesh, const std::vector<Vec3>& displacement) {
+  if (displacement.size() != mesh.nodes.size())
+    throw Error(ErrorKind::internal, "strains: {} displacements for {} nodes", displacement.size(),
+                mesh.nodes.size());
+  std::vector<Mat3> result;
+  result.reserve(mesh.tets.size());
+  for (const Tetrahedron& t : mesh.tets) {
+    const Gradients shape = gradients(corners_of(mesh, t));
+    Mat3 gradient = Mat3::Zero();
+    for (std::size_t i = 0; i < 4; ++i)
+      gradient += displacement[static_cast<std::size_t>(t[i])] * shape.g[i].transpose();
+    result.push_back(0.5 * (gradient + gradient.transpose()));
+  }
+  return result;
+}
+
+}  // namespace palpate
