@@ -1,0 +1,100 @@
+#include "palpate/io/surface_file.hpp"
+
+#include <cmath>
+#include <cstring>
+
+#include "palpate/base/error.hpp"
+#include "palpate/io/atomic_file.hpp"
+#include "palpate/io/importer.hpp"
+
+namespace palpate {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string lower_extension(const fs::path& path) {
+  std::string e = path.extension().string();
+  for (char& c : e) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return e;
+}
+
+template <class T>
+void put(std::string& out, const T& value) {  // little endian, as all machines this runs on
+  char bytes[sizeof(T)];
+  std::memcpy(bytes, &value, sizeof(T));
+  out.append(bytes, sizeof(T));
+}
+
+std::string as_obj(const TriangleMesh& mesh, double unit) {
+  std::string out;
+  for (const Vec3& v : mesh.vertices)  // shortest digits that read back to the same double
+    out += fmt::format("v {} {} {}\n", v.x() / unit, v.y() / unit, v.z() / unit);
+  for (const Triangle& t : mesh.triangles) out += fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+  return out;
+}
+
+std::string as_stl(const TriangleMesh& mesh, double unit) {
+  std::string out("binary STL");  // not "solid", which announces text
+  out.resize(80, ' ');
+  put(out, static_cast<std::uint32_t>(mesh.triangles.size()));
+  for (const Triangle& t : mesh.triangles) {
+    const Vec3 n = area_vector(mesh, t).stableNormalized();
+    for (int i = 0; i < 3; ++i) put(out, static_cast<float>(n[i]));
+    for (const Index v : t)
+      for (int i = 0; i < 3; ++i)
+        put(out, static_cast<float>(mesh.vertices[static_cast<std::size_t>(v)][i] / unit));
+    put(out, std::uint16_t{0});
+  }
+  return out;
+}
+
+std::string as_ply(const TriangleMesh& mesh, double unit) {
+  std::string out = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\n"
+      "property double z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+      mesh.vertices.size(), mesh.triangles.size());
+  for (const Vec3& v : mesh.vertices)
+    for (int i = 0; i < 3; ++i) put(out, v[i] / unit);
+  for (const Triangle& t : mesh.triangles) {
+    put(out, std::uint8_t{3});
+    for (const Index v : t) put(out, v);
+  }
+  return out;
+}
+
+}  // namespace
+
+double unit_in_metres(std::string_view unit) {
+  static constexpr std::pair<std::string_view, double> known[] = {
+      {"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}, {"um", 1e-6}, {"in", 0.0254}, {"ft", 0.3048}};
+  for (const auto& [name, metres] : known)
+    if (unit == name) return metres;
+  throw Error(ErrorKind::usage, "unknown unit \"{}\"; known: m, cm, mm, um, in, ft", unit);
+}
+
+SurfaceFile read_surface(const fs::path& path, double unit) {
+  SurfaceFile file;
+  Imported imported = import_surface(path);
+  file.mesh = std::move(imported.mesh), file.format = std::move(imported.format);
+  for (Vec3& v : file.mesh.vertices) v *= unit;
+  const std::size_t triangles = file.mesh.triangles.size();
+  file.weld = weld(file.mesh);
+  if (file.mesh.triangles.empty())
+    throw Error(ErrorKind::format, "{}: none of its {} triangles has an area", path.string(), triangles);
+  return file;
+}
+
+void write_surface(const fs::path& path, const TriangleMesh& mesh, double unit) {
+  const std::string extension = lower_extension(path);
+  const auto encode = extension == ".obj"   ? as_obj
+                      : extension == ".stl" ? as_stl
+                      : extension == ".ply" ? as_ply
+                                            : nullptr;
+  if (!encode) throw Error(ErrorKind::usage, "{}: surfaces are written as .obj, .stl or .ply", path.string());
+  AtomicFile file(path);
+  file.write(encode(mesh, unit));
+  file.commit();
+}
+
+}  // namespace palpate
