@@ -6,14 +6,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <regex>
 
 #include "palpate/base/error.hpp"
 #include "palpate/base/parallel_for.hpp"
 #include "palpate/base/timer.hpp"
+#include "palpate/io/atomic_file.hpp"
 #if PALPATE_HAS_compliance
 #include "palpate/compliance/blas.hpp"
 #endif
@@ -57,21 +58,6 @@ nlohmann::ordered_json to_json(const Row& row, const Value& value, const std::st
   out["ratio"] = peer ? nlohmann::ordered_json(ratio(row, value)) : nlohmann::ordered_json();
   out["machine"] = machine;
   return out;
-}
-
-// There whole or not at all.
-void write_whole(const std::filesystem::path& path, const std::string& text) {
-  const std::filesystem::path temporary = path.string() + ".tmp";
-  std::ofstream out(temporary, std::ios::binary);
-  out << text << std::flush;
-  out.close();
-  std::error_code error;
-  if (out) std::filesystem::rename(temporary, path, error);
-  if (out && !error) return;
-  std::error_code ignored;
-  std::filesystem::remove(temporary, ignored);
-  throw Error(ErrorKind::file, "{}: cannot be written; is the folder there, and is there room on the disk?",
-              path.string());
 }
 
 std::string proc_value(const char* file, const std::string& key) {
@@ -136,6 +122,8 @@ int Bench::main(int argc, char** argv) {
   const std::regex pattern(filter.empty() ? ".*" : filter);
   const auto wanted = [&](const Row& row) { return std::regex_search(row.name, pattern); };
   const std::string here = machine();
+  std::optional<AtomicFile> file;  // opened first: a wrong path is no news after ten minutes
+  if (!json.empty() && !list) file.emplace(json);
   if (!list)
     fmt::print("{}\n{:<36} {:>10} {:<10} {:>10} {:>8}  peer\n", here, "", "ours", "", "peer", "ratio");
   nlohmann::ordered_json out = nlohmann::ordered_json::array();
@@ -161,7 +149,10 @@ int Bench::main(int argc, char** argv) {
       fmt::print("{:<36} failed: {}\n", c.rows[0].name, error.what());
     }
   }
-  if (!json.empty() && !list) write_whole(json, out.dump(2) + "\n");
+  if (file) {
+    file->write(out.dump(2) + "\n");
+    file->commit();
+  }
   return failed ? 1 : 0;
 }
 
