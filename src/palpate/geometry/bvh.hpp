@@ -19,6 +19,8 @@ struct ClosestPoint {
   Feature feature = Feature::face;
 };
 
+// Exact to rounding for any triangle, needles and points included; never NaN for finite input. `triangle` is
+// 0.
 ClosestPoint closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c);
 
 // Built once, then const and thread-safe. Keeps its own copy of the corners.
@@ -26,21 +28,25 @@ class Bvh {
  public:
   explicit Bvh(const TriangleMesh& mesh);
   // The closest point nearer than sqrt(bound_squared). Of several at the same distance the lowest triangle
-  // number wins, so the answer does not depend on the tree.
-  ClosestPoint closest(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity()) const;
+  // number wins, so the answer does not depend on the tree. `hint` is a triangle that is probably near (the
+  // answer for a neighbouring point): it makes the search shorter and changes nothing else.
+  ClosestPoint closest(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity(),
+                       Index hint = -1) const;
 
  private:
   struct Node {
     Vec3f min, max;  // rounded outwards
-    Index first,
-        count;  // leaf: triangles [first, first + count); inner: count 0, children first and first + 1
+    Index first;     // leaf: slots [first, first + count); inner: children first and first + 1
+    Index count;     // 0: inner
   };
   struct Corners {
     Vec3 a, b, c;
     Index triangle;
   };
   std::vector<Node> nodes_;
-  std::vector<Corners> corners_;
+  std::vector<Corners> corners_;  // in tree order: slots
+  std::vector<Index> slot_;       // of each triangle
+  double reach_ = 0;              // largest coordinate, m: what rounding is measured by
 };
 
 }  // namespace palpate

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 #include "palpate/geometry/triangle_mesh.hpp"
 
@@ -24,5 +25,11 @@ struct MeshReport {
   bool oriented() const { return flipped_edges == 0; }
 };
 MeshReport check(const TriangleMesh& mesh);
+
+// Number of the connected part (by shared vertices) of each triangle, counted from 0 in the order of
+// triangles.
+std::vector<Index> components(const TriangleMesh& mesh);
+// Drops triangles on the same three vertices as an earlier one, whatever their orientation; returns how many.
+std::size_t drop_duplicates(TriangleMesh& mesh);
 
 }  // namespace palpate

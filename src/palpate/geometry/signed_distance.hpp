@@ -4,6 +4,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "palpate/geometry/bvh.hpp"
@@ -18,25 +19,44 @@ struct SignedDistance {
   double distance = 0;         // m, negative inside
   Vec3 point = Vec3::Zero();   // closest point of the surface, m
   Vec3 normal = Vec3::Zero();  // pseudonormal there (unit, outwards)
+  Index triangle = -1;         // of the closest point: the hint for a neighbouring query
 };
 
-// Built once, then const and thread-safe.
+// Built once, then const and thread-safe. Triangles on the same three vertices count once.
+//
+// What is inside: closed oriented surfaces whose volume is negative are turned over as a whole (organs are
+// not the space around them), then each closed part that faces inwards and lies in no other part. After that
+// a point is inside where the winding number exceeds 1/2: a part facing inwards within another is a cavity,
+// one facing outwards is solid, and parts that overlap are united.
 class SignedDistanceField {
  public:
-  // Chooses the sign's method from the mesh unless given. A closed oriented surface that faces inwards
-  // (negative volume) counts as facing outwards: organs are not the space around them.
-  // Throws Error(geometry) when there is no triangle.
+  // Chooses the sign's method from the mesh unless given: pseudonormals on closed oriented surfaces without
+  // flat triangles on which the winding number, sampled along the surface, agrees with them; else winding.
+  // Throws Error(geometry) when there is no triangle, a vertex is no number or an index is out of range.
   explicit SignedDistanceField(const TriangleMesh& mesh, std::optional<SignMethod> method = {});
-  SignedDistance at(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity()) const;
+  // Beyond the bound: distance infinite, triangle -1. Where p is no number: distance NaN.
+  SignedDistance at(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity(),
+                    Index hint = -1) const;
   bool inside(const Vec3& p) const;
   SignMethod method() const { return method_; }
-  bool flipped() const { return orientation_ < 0; }
+  // Why not pseudonormals, in words; empty when they are used or the caller chose.
+  const std::string& reason() const { return reason_; }
+  // Whether the surface faced inwards and was turned over, and how many parts were besides.
+  bool flipped() const { return flipped_; }
+  std::size_t flipped_parts() const { return flipped_parts_; }
 
  private:
+  struct Prepared;  // the surface as it is used, and the choice
+  static Prepared prepare(const TriangleMesh& mesh, std::optional<SignMethod> method);
+  explicit SignedDistanceField(Prepared&& prepared);
+  Vec3 pseudonormal(const ClosestPoint& c) const;
+
   Bvh bvh_;
   std::optional<WindingNumber> winding_;
   SignMethod method_;
-  double orientation_ = 1;  // -1: the triangles face inwards
+  std::string reason_;
+  bool flipped_ = false;
+  std::size_t flipped_parts_ = 0;
   std::vector<Triangle> triangles_;
   std::vector<Vec3> face_normals_, edge_normals_,
       vertex_normals_;  // edge_normals_: three a triangle, edges 01 12 20

@@ -27,12 +27,17 @@ class WindingNumber {
   struct Node {
     Vec3 center = Vec3::Zero();  // area-weighted centre
     double radius = 0;           // of the ball about the centre that holds its triangles
-    Vec3 first = Vec3::Zero();   // sum of area vectors
-    Mat3 second = Mat3::Zero();  // sum of (centroid - center) outer area vector
-    std::array<Mat3, 3> third{Mat3::Zero(), Mat3::Zero(), Mat3::Zero()};  // next order, see the .cpp
-    Index begin = 0, end = 0;                                             // its triangles, in tree order
-    Index child = -1;                                                     // first of two children; -1: leaf
+    // The expansion about the centre, see the .cpp: y from the centre, n the unit normal, integrals over the
+    // triangles.
+    Vec3 first = Vec3::Zero();       // int n
+    Mat3 second = Mat3::Zero();      // int y n^T, symmetric part
+    Vec3 third = Vec3::Zero();       // int (n.y) 2 y + (y.y) n
+    std::array<double, 10> cubic{};  // int n_i y_j y_k, symmetric part, as the polynomial's coefficients
+    std::size_t begin = 0, end = 0;  // its triangles, in tree order
+    std::size_t child = 0;           // first of two children; 0: leaf
   };
+  void expand(Node& node) const;
+  static double far_field(const Node& node, const Vec3& r);
   std::vector<Node> nodes_;
   std::vector<std::array<Vec3, 3>> corners_;
   double accuracy_;

@@ -21,12 +21,20 @@ struct Grid {
 
   std::size_t size() const { return std::size_t(n[0]) * std::size_t(n[1]) * std::size_t(n[2]); }
   Vec3 point(int i, int j, int k) const { return origin + h * Vec3(i, j, k); }
+  std::size_t number(const std::array<std::int32_t, 3>& at) const {
+    return (std::size_t(at[0]) * std::size_t(n[1]) + std::size_t(at[1])) * std::size_t(n[2]) +
+           std::size_t(at[2]);
+  }
   Box box() const { return {origin, point(n[0] - 1, n[1] - 1, n[2] - 1)}; }
 };
 
 // h = shortest side of the box / subdivisions; origin at the box's corner less `margin` (m, all sides);
 // the other sides grow to a multiple of h (DESIGN: T 5.1.1).
+// Throws Error(usage), Error(geometry) when the box is flat or empty, Error(resource) above a million points
+// a side.
 Grid make_grid(const Box& box, int subdivisions, double margin = 0);
+// The same with h given.
+Grid make_grid_spaced(const Box& box, double h, double margin = 0);
 
 // Exact samples, float64: what is computed and written (offline).
 struct LatticeSamples {
@@ -61,22 +69,24 @@ class Lattice {
   std::span<const Vec3f> closest_points() const { return closest_; }
   SignMethod sign() const { return sign_; }
 
-  // Trilinear interpolation (T 5.2.2). Outside the box: distance to the box plus the least the surface can be
-  // away from there (a lower bound of the distance), gradient towards away-from-the-box.
+  // Trilinear interpolation (T 5.2.2). Outside the box, where the surface is in it: continuous, never less
+  // than the distance to the box, and from h/sqrt(2) outside a lower bound of the distance (nearer, it
+  // exceeds that by less than the interpolation error on the box). NaN where p is no number.
   double distance(const Vec3& p) const noexcept;
   // The trilinear distance, and a gradient that is continuous across cells: trilinear interpolation of the
   // exact gradients (p - closest)/distance at the grid points, normalised; for contact, where the
-  // interpolant's own gradient jumps between cells and makes Newton cycle.
+  // interpolant's own gradient jumps between cells and makes Newton cycle. Outside the box it turns towards
+  // the way from the box. Always of unit length; on the medial axis some corner's.
   LatticeSample sample(const Vec3& p) const noexcept;
   void distance(std::span<const Vec3> points, std::span<double> out) const noexcept;
   void sample(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept;
-  // Interpolated closest point, when the eight corners agree to within 2 h and it lies within the
-  // interpolation error of the surface; empty across the medial axis, where an interpolated point means
-  // nothing (T 7.2 point 3).
+  // Interpolated closest point, when the eight corners' are within 2 h of each other and the lattice's own
+  // distance there is below h/10; empty outside the box and across the medial axis, where an interpolated
+  // point means nothing (T 7.2 point 3).
   std::optional<Vec3> closest(const Vec3& p) const noexcept;
 
  private:
-  friend class LatticeIo;
+  double beyond(double d, double s) const noexcept;
   Grid grid_;
   std::vector<float> distance_;
   std::vector<Vec3f> closest_;

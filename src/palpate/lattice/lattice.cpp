@@ -1,0 +1,253 @@
+// Signed distance and closest point on a grid: T 5.1.1 (offline) and 5.2 (online).
+#include "palpate/lattice/lattice.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include "palpate/base/parallel_for.hpp"
+
+namespace palpate {
+
+namespace {
+
+constexpr double most_points_a_side = 1 << 20;
+
+Grid grid_with(const Box& box, double h, double margin) {
+  if (!(h > 0) || !std::isfinite(h)) throw Error(ErrorKind::usage, "the lattice's spacing must be positive");
+  if (!(margin >= 0) || !std::isfinite(margin))
+    throw Error(ErrorKind::usage, "the lattice's margin must not be negative");
+  const Box grown = box.grown(margin);
+  Grid grid{grown.min, h, {}};
+  for (int k = 0; k < 3; ++k) {
+    // A side that is a multiple of h but for rounding gets no extra cell.
+    const double cells = std::ceil(grown.size()[k] / h * (1 - 1e-9));
+    if (!(cells < most_points_a_side))
+      throw Error(
+          ErrorKind::resource,
+          "a lattice with spacing {:.3g} m needs more than a million points along one side of {:.3g} m; "
+          "use fewer subdivisions or a larger spacing",
+          h, grown.size()[k]);
+    grid.n[static_cast<std::size_t>(k)] = std::max(2, static_cast<int>(cells) + 1);
+  }
+  return grid;
+}
+
+// The cell that holds p and where in it, clamped to the grid; safe for any p.
+struct Cell {
+  std::size_t first;  // number of its lowest point
+  Vec3 t;             // 0..1 along each axis
+};
+Cell cell_at(const Grid& grid, const Vec3& p) noexcept {
+  Cell c{0, {}};
+  for (int k = 0; k < 3; ++k) {
+    const auto n = grid.n[static_cast<std::size_t>(k)];
+    const double x = (p[k] - grid.origin[k]) / grid.h;
+    const double inside = x > 0 ? std::min(x, static_cast<double>(n - 1)) : 0;  // NaN: 0
+    const int i = std::min(static_cast<int>(inside), n - 2);
+    c.first = c.first * static_cast<std::size_t>(n) + static_cast<std::size_t>(i);
+    c.t[k] = inside - i;
+  }
+  return c;
+}
+
+// Offsets and trilinear weights of the eight corners, z fastest.
+struct Corners {
+  std::array<std::size_t, 8> at;
+  std::array<double, 8> weight;
+  Corners(const Grid& grid, const Cell& c) noexcept {
+    const auto ny = static_cast<std::size_t>(grid.n[1]), nz = static_cast<std::size_t>(grid.n[2]);
+    const std::array<double, 2> x{1 - c.t.x(), c.t.x()}, y{1 - c.t.y(), c.t.y()}, z{1 - c.t.z(), c.t.z()};
+    for (std::size_t m = 0; m < 8; ++m) {
+      const std::size_t i = m >> 2, j = m >> 1 & 1, k = m & 1;
+      at[m] = c.first + (i * ny + j) * nz + k;
+      weight[m] = x[i] * y[j] * z[k];
+    }
+  }
+  template <class T>
+  double mix(const std::vector<T>& values) const noexcept {
+    double sum = 0;
+    for (std::size_t m = 0; m < 8; ++m) sum += weight[m] * static_cast<double>(values[at[m]]);
+    return sum;
+  }
+  Vec3 mix(const std::vector<Vec3f>& values) const noexcept {
+    Vec3 sum = Vec3::Zero();
+    for (std::size_t m = 0; m < 8; ++m) sum += weight[m] * values[at[m]].cast<double>();
+    return sum;
+  }
+};
+
+// Differences of the distances at the neighbours.
+Vec3 difference(const LatticeSamples& s, const std::array<int, 3>& at) {
+  Vec3 g;
+  for (std::size_t k = 0; k < 3; ++k) {
+    auto low = at, high = at;
+    low[k] = std::max(low[k] - 1, 0);
+    high[k] = std::min(high[k] + 1, s.grid.n[k] - 1);
+    g[static_cast<int>(k)] =
+        (s.distance[s.grid.number(high)] - s.distance[s.grid.number(low)]) / (high[k] - low[k]);
+  }
+  return g;
+}
+
+// Unit gradient at a grid point: away from the closest point. On the surface itself, where that says nothing
+// (or where rounded text says something else than the distance), by differences.
+Vec3 gradient_at(const LatticeSamples& s, const std::array<int, 3>& at) {
+  const std::size_t i = s.grid.number(at);
+  const double d = s.distance[i];
+  const Vec3 away = s.grid.point(at[0], at[1], at[2]) - s.closest[i];
+  const double length = away.norm();
+  if (std::abs(d) > 1e-6 * s.grid.h && std::abs(length - std::abs(d)) < 1e-3 * std::abs(d))
+    return away / (d < 0 ? -length : length);
+  const Vec3 g = difference(s, at);
+  return g.norm() > 0 ? Vec3(g.normalized()) : Vec3::UnitZ();
+}
+
+}  // namespace
+
+Grid make_grid(const Box& box, int subdivisions, double margin) {
+  if (subdivisions < 1)
+    throw Error(ErrorKind::usage, "subdivisions must be at least 1, not {}", subdivisions);
+  if (box.empty()) throw Error(ErrorKind::geometry, "a lattice needs a box with something in it");
+  const double shortest = box.size().minCoeff();
+  if (!(shortest > 0))
+    throw Error(ErrorKind::geometry,
+                "the surface is flat: its box has no shortest side to subdivide; give the "
+                "spacing instead");
+  return grid_with(box, shortest / subdivisions, margin);
+}
+
+Grid make_grid_spaced(const Box& box, double h, double margin) {
+  if (box.empty()) throw Error(ErrorKind::geometry, "a lattice needs a box with something in it");
+  return grid_with(box, h, margin);
+}
+
+LatticeSamples sample_lattice(const SignedDistanceField& surface, const Grid& grid, int threads,
+                              const Progress& progress) {
+  LatticeSamples samples;
+  samples.grid = grid;
+  samples.sign = surface.method();
+  samples.distance.resize(grid.size());
+  samples.closest.resize(grid.size());
+  // A chunk is a sheet of lines along z, walked to and fro, so that each point's neighbour was asked just
+  // before. Its triangle starts the search; the answer does not depend on it.
+  const auto ny = static_cast<std::size_t>(grid.n[1]), nz = static_cast<std::size_t>(grid.n[2]);
+  const std::size_t lines = static_cast<std::size_t>(grid.n[0]) * ny;
+  std::mutex mutex;
+  std::size_t done = 0;
+  parallel_for(
+      lines, std::clamp<std::size_t>(4096 / nz, 1, ny), threads, [&](std::size_t begin, std::size_t end) {
+        Index hint = -1;
+        for (std::size_t line = begin; line < end; ++line)
+          for (std::size_t step = 0; step < nz; ++step) {
+            const std::size_t k = (line - begin) % 2 == 0 ? step : nz - 1 - step;
+            const Vec3 p =
+                grid.point(static_cast<int>(line / ny), static_cast<int>(line % ny), static_cast<int>(k));
+            const SignedDistance s = surface.at(p, std::numeric_limits<double>::infinity(), hint);
+            samples.distance[line * nz + k] = s.distance;
+            samples.closest[line * nz + k] = s.point;
+            hint = s.triangle;
+          }
+        const std::lock_guard lock(mutex);
+        done += end - begin;
+        progress.at(static_cast<double>(done) / static_cast<double>(lines));
+      });
+  return samples;
+}
+
+InterpolationError estimate_error(const SignedDistanceField& surface, const LatticeSamples& samples,
+                                  int points, std::uint64_t seed) {
+  const Box box = samples.grid.box();
+  InterpolationError error;
+  double sum = 0;
+  // SplitMix64 (Steele, Lea, Flood 2014): the same points on every machine.
+  const auto uniform = [&seed] {
+    std::uint64_t x = seed += 0x9e3779b97f4a7c15u;
+    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ x >> 27) * 0x94d049bb133111ebu;
+    return static_cast<double>((x ^ x >> 31) >> 11) * 0x1p-53;
+  };
+  for (int i = 0; i < points; ++i) {
+    const double x = uniform(), y = uniform(), z = uniform();
+    const Vec3 p = box.min + box.size().cwiseProduct(Vec3(x, y, z));
+    const double trilinear = Corners(samples.grid, cell_at(samples.grid, p)).mix(samples.distance);
+    const double e = std::abs(trilinear - surface.at(p).distance);
+    error.max = std::max(error.max, e);
+    sum += e * e;
+  }
+  error.rms = points > 0 ? std::sqrt(sum / points) : 0;
+  return error;
+}
+
+Lattice::Lattice(const LatticeSamples& samples) : grid_(samples.grid), sign_(samples.sign) {
+  const std::size_t n = grid_.size();
+  distance_.reserve(n);
+  closest_.reserve(n);
+  gradient_.reserve(n);
+  for (int i = 0; i < grid_.n[0]; ++i)
+    for (int j = 0; j < grid_.n[1]; ++j)
+      for (int k = 0; k < grid_.n[2]; ++k) {
+        const std::size_t at = distance_.size();
+        distance_.push_back(static_cast<float>(samples.distance[at]));
+        closest_.push_back(samples.closest[at].cast<float>());
+        gradient_.push_back(gradient_at(samples, {i, j, k}).cast<float>());
+      }
+}
+
+double Lattice::distance(const Vec3& p) const noexcept {
+  const Box box = grid_.box();
+  const double d = Corners(grid_, cell_at(grid_, p)).mix(distance_);
+  return box.contains(p) ? d : beyond(d, (p - p.cwiseMax(box.min).cwiseMin(box.max)).norm());
+}
+
+// Outside the box, from the interpolated distance d at its nearest point and the distance s to it. The
+// surface lies in the box, which is convex, so no point of it is nearer than sqrt(s^2 + exact^2). The
+// interpolant exceeds the exact distance on the box by at most h/sqrt(2): taken off gradually, to be
+// continuous.
+double Lattice::beyond(double d, double s) const noexcept {
+  if (!(d > 0)) return s + d;
+  if (!(s < std::numeric_limits<double>::infinity())) return s;
+  return std::max(s, std::sqrt(s * s + d * d) - std::min(s, std::sqrt(0.5) * grid_.h));
+}
+
+LatticeSample Lattice::sample(const Vec3& p) const noexcept {
+  const Box box = grid_.box();
+  const Corners corners(grid_, cell_at(grid_, p));
+  const double d = corners.mix(distance_);
+  Vec3 g = corners.mix(gradient_);
+  double length = g.norm();
+  // On the medial axis opposite gradients cancel: the heaviest corner's will do, and is never zero.
+  if (length < 1e-3) {
+    const auto heaviest = std::max_element(corners.weight.begin(), corners.weight.end());
+    g = gradient_[corners.at[static_cast<std::size_t>(heaviest - corners.weight.begin())]].cast<double>();
+    length = g.norm();
+  }
+  g /= length;
+  if (box.contains(p)) return {d, g};
+  const Vec3 out = p - p.cwiseMax(box.min).cwiseMin(box.max);
+  const double s = out.norm();
+  const Vec3 away = out + std::max(d, 0.0) * g;  // gradient of sqrt(s^2 + d^2), times it
+  if (away.norm() > 0 && s < std::numeric_limits<double>::infinity()) g = away.normalized();
+  return {beyond(d, s), g};
+}
+
+void Lattice::distance(std::span<const Vec3> points, std::span<double> out) const noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) out[i] = distance(points[i]);
+}
+
+void Lattice::sample(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) out[i] = sample(points[i]);
+}
+
+std::optional<Vec3> Lattice::closest(const Vec3& p) const noexcept {
+  if (!grid_.box().contains(p)) return {};
+  const Corners corners(grid_, cell_at(grid_, p));
+  Vec3f low = closest_[corners.at[0]], high = low;
+  for (const std::size_t i : corners.at) low = low.cwiseMin(closest_[i]), high = high.cwiseMax(closest_[i]);
+  if ((high - low).norm() > 2 * grid_.h) return {};
+  const Vec3 c = corners.mix(closest_);
+  if (!(std::abs(distance(c)) < 0.1 * grid_.h)) return {};
+  return c;
+}
+
+}  // namespace palpate
