@@ -1,7 +1,9 @@
 // The HDF5 container of lattices and models: named arrays with unit and meaning, attributes, a checksum over
-// each array. Readable with h5py, MATLAB and h5dump. Layout: the root's attributes say palpate_kind,
-// palpate_version, created, provenance; each array is a contiguous dataset with attributes unit, meaning and
-// checksum (64-bit FNV-1a over its bytes).
+// each array, a seal over the rest (seal.hpp). Readable with h5py, MATLAB and h5dump. Layout: the root's
+// attributes say palpate_kind, palpate_version and whatever the writer adds; each array is a contiguous
+// little-endian dataset with attributes unit, meaning and checksum (base/hash.hpp over its bytes, 16
+// hexadecimal digits). The same contents give the same bytes. Any thread may use its own reader or writer; a
+// reader may be shared.
 #pragma once
 
 #include <filesystem>
@@ -61,11 +63,12 @@ class ContainerReader {
   }
 
  private:
+  friend std::string container_kind(const std::filesystem::path& path);
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-// "lattice", "model" or "" when the file is not one of ours.
+// "lattice", "model"; "" when the file is not HDF5. Error(format) when it is, but not a whole file of ours.
 std::string container_kind(const std::filesystem::path& path);
 
 }  // namespace palpate
