@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -21,8 +22,8 @@ ClosestPoint brute_force(const TriangleMesh& mesh, const Vec3& p) {
   return best;
 }
 
-// The same by another road: minimum of a convex quadratic over the barycentric triangle, by golden sections
-// in long double.
+// The same by another road: least squares for the barycentric coordinates in long double, and all three
+// edges.
 long double oracle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   using V = Eigen::Matrix<long double, 3, 1>;
   const V P = p.cast<long double>(), A = a.cast<long double>(), B = b.cast<long double>(),
@@ -33,14 +34,13 @@ long double oracle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
     const long double t = l2 > 0 ? std::clamp<long double>((P - u).dot(e) / l2, 0, 1) : 0;
     return (P - u - t * e).norm();
   };
-  // Over the fan of segments from A to the point B + s (C - B): convex in s.
-  const auto f = [&](long double s) { return on_segment(A, B + s * (C - B)); };
-  long double lo = 0, hi = 1;
-  for (int i = 0; i < 200; ++i) {
-    const long double x = lo + (hi - lo) * 0.382L, y = lo + (hi - lo) * 0.618L;
-    (f(x) <= f(y) ? hi : lo) = f(x) <= f(y) ? y : x;
-  }
-  return std::min({f(0), f(1), f(0.5L * (lo + hi)), on_segment(B, C)});
+  long double best = std::min({on_segment(A, B), on_segment(B, C), on_segment(C, A)});
+  Eigen::Matrix<long double, 3, 2> m;
+  m << B - A, C - A;
+  const Eigen::ColPivHouseholderQR<Eigen::Matrix<long double, 3, 2>> qr(m);
+  const Eigen::Matrix<long double, 2, 1> x = qr.solve(P - A);
+  if (qr.rank() == 2 && x.minCoeff() >= 0 && x.sum() <= 1) best = std::min(best, (P - A - m * x).norm());
+  return best;
 }
 
 TEST(ClosestOnTriangle, EqualsTheOracleOnNeedlesCapsAndPoints) {
