@@ -61,14 +61,13 @@ bool starts_with(std::string_view text, std::string_view start) {
 }
 
 // Content first, extension second.
-std::string kind_of(const std::string& path, const std::string& head) {
+bool is_inventor(const std::string& path, const std::string& head) {
   const std::string extension = lower_extension(path);
-  if (starts_with(head, "#Inventor V") || starts_with(head, "#VRML V")) return "iv";
-  if (starts_with(head, "glTF")) return "glb";
-  for (const char* known : {"iv", "wrl", "obj", "stl", "glb", "gltf"})
-    if (extension == known) return extension == "wrl" ? "iv" : extension;
-  if (starts_with(head, "solid")) return "stl";
-  throw Failure(malformed, "not a surface format that is known here (.iv .wrl .obj .stl .ply .glb .gltf)");
+  if (starts_with(head, "#Inventor V") || starts_with(head, "#VRML V")) return true;
+  if (starts_with(head, "glTF")) return false;
+  if (extension == "iv" || extension == "wrl") return true;
+  if (extension == "glb" || extension == "gltf") return false;
+  throw Failure(malformed, "neither Open Inventor, VRML nor glTF");
 }
 
 void write_all(int out, const void* data, std::size_t size) {
@@ -82,16 +81,12 @@ void write_all(int out, const void* data, std::size_t size) {
 }
 
 void run(const std::string& path, int out) {
-  const std::string kind = kind_of(path, head_of(path));
-  const char* format = kind == "iv"    ? "Open Inventor"
-                       : kind == "obj" ? "Wavefront OBJ"
-                       : kind == "stl" ? "STL"
-                                       : "glTF";
+  const bool inventor = is_inventor(path, head_of(path));
   Hello hello{};
   std::memcpy(hello.magic, magic, sizeof magic);
-  std::strncpy(hello.format, format, sizeof hello.format - 1);
+  std::strncpy(hello.format, inventor ? "Open Inventor" : "glTF", sizeof hello.format - 1);
   write_all(out, &hello, sizeof hello);
-  const Soup soup = kind == "iv" ? read_inventor(path) : read_assimp(path, kind);
+  const Soup soup = inventor ? read_inventor(path) : read_gltf(path);
   const Counts counts{soup.vertices.size(), soup.triangles.size()};
   write_all(out, &counts, sizeof counts);
   write_all(out, soup.vertices.data(), soup.vertices.size() * sizeof soup.vertices[0]);

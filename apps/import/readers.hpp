@@ -23,7 +23,6 @@ struct Failure : std::runtime_error {
 };
 
 Soup read_inventor(const std::string& path);
-// extension: "obj", "stl", "glb" or "gltf".
-Soup read_assimp(const std::string& path, const std::string& extension);
+Soup read_gltf(const std::string& path);
 
 }  // namespace palpate::import

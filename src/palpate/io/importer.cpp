@@ -13,6 +13,7 @@
 #include "palpate/base/error.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/io/import_protocol.hpp"
+#include "palpate/io/surface_formats.hpp"
 
 extern char** environ;
 
@@ -164,19 +165,6 @@ int wait_for(const std::string& file, Child& child, const Timer& timer) {
               "{}: {}", file, message.empty() ? fmt::format("palpate-import ended with {}", code) : message);
 }
 
-void check_finite(const std::string& file, const TriangleMesh& mesh) {
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
-    for (const Index v : mesh.triangles[i]) {
-      if (v < 0 || static_cast<std::size_t>(v) >= mesh.vertices.size())
-        throw Error(ErrorKind::format, "{}: triangle {} uses vertex {} of {}", file, i, v,
-                    mesh.vertices.size());
-      const Vec3& p = mesh.vertices[static_cast<std::size_t>(v)];
-      if (!p.allFinite())
-        throw Error(ErrorKind::format, "{}: triangle {}: vertex {} is at ({}, {}, {})", file, i, v, p.x(),
-                    p.y(), p.z());
-    }
-}
-
 TriangleMesh unpack(const std::string& file, const std::string& data) {
   Counts counts{};
   if (data.size() >= sizeof(Hello) + sizeof counts)
@@ -225,9 +213,7 @@ Imported import_surface(const fs::path& path) {
   if (status != 0) explain(file, imported.format, status, output.message);
   if (!known) throw Error(ErrorKind::internal, "{}: palpate-import gave no answer", file);
   imported.mesh = unpack(file, output.data);
-  check_finite(file, imported.mesh);
-  if (imported.mesh.triangles.empty())
-    throw Error(ErrorKind::format, "{}: no polygons in it ({})", file, imported.format);
+  require_polygons(imported.mesh, file, imported.format);
   return imported;
 }
 

@@ -6,6 +6,7 @@
 #include "palpate/base/error.hpp"
 #include "palpate/io/atomic_file.hpp"
 #include "palpate/io/importer.hpp"
+#include "palpate/io/surface_formats.hpp"
 
 namespace palpate {
 
@@ -73,9 +74,45 @@ double unit_in_metres(std::string_view unit) {
   throw Error(ErrorKind::usage, "unknown unit \"{}\"; known: m, cm, mm, um, in, ft", unit);
 }
 
+namespace {
+
+// Content first, extension second.
+Imported read_any(const fs::path& path) {
+  const std::string name = path.string(), extension = lower_extension(path);
+  const std::string bytes = read_file(path);
+  const auto begins = [&](std::string_view start) { return bytes.compare(0, start.size(), start) == 0; };
+  if (bytes.empty()) throw Error(ErrorKind::format, "{}: the file is empty", name);
+  if (begins("ply\n") || begins("ply\r")) return {read_ply(bytes, name), "PLY"};
+  if (begins("#Inventor V") || begins("#VRML V") || begins("glTF")) return import_surface(path);
+  if (looks_like_stl(bytes) || extension == ".stl") return {read_stl(bytes, name), "STL"};
+  if (extension == ".obj") return {read_obj(bytes, name), "Wavefront OBJ"};
+  if (extension == ".ply") return {read_ply(bytes, name), "PLY"};
+  if (extension == ".gltf" || extension == ".iv" || extension == ".wrl") return import_surface(path);
+  throw Error(ErrorKind::format,
+              "{}: no surface format that is known here (.iv .wrl .obj .stl .ply .glb .gltf)", name);
+}
+
+}  // namespace
+
+void require_polygons(const TriangleMesh& mesh, const std::string& name, const std::string& format) {
+  if (mesh.triangles.empty()) throw Error(ErrorKind::format, "{}: no polygons in it ({})", name, format);
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+    for (const Index v : mesh.triangles[i]) {
+      if (v < 0 || static_cast<std::size_t>(v) >= mesh.vertices.size())
+        throw Error(ErrorKind::format, "{}: triangle {} uses vertex {} of {}", name, i, v,
+                    mesh.vertices.size());
+      const Vec3& p = mesh.vertices[static_cast<std::size_t>(v)];
+      if (!(p.cwiseAbs().maxCoeff() <=
+            std::numeric_limits<float>::max()))  // not a number, or too big for float32
+        throw Error(ErrorKind::format, "{}: vertex {} of triangle {} is at ({}, {}, {})", name, v, i, p.x(),
+                    p.y(), p.z());
+    }
+}
+
 SurfaceFile read_surface(const fs::path& path, double unit) {
+  Imported imported = read_any(path);
+  require_polygons(imported.mesh, path.string(), imported.format);
   SurfaceFile file;
-  Imported imported = import_surface(path);
   file.mesh = std::move(imported.mesh), file.format = std::move(imported.format);
   for (Vec3& v : file.mesh.vertices) v *= unit;
   const std::size_t triangles = file.mesh.triangles.size();

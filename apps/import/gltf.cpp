@@ -1,4 +1,4 @@
-// OBJ, STL and glTF through Assimp.
+// glTF through Assimp.
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
@@ -42,9 +42,8 @@ void add_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& paren
 
 }  // namespace
 
-Soup read_assimp(const std::string& path, const std::string& extension) {
+Soup read_gltf(const std::string& path) {
   Assimp::Importer importer;
-  (void)extension;
   const aiScene* scene = importer.ReadFile(path, aiProcess_Triangulate);
   if (!scene) throw Failure(malformed, importer.GetErrorString());
   Soup soup;
