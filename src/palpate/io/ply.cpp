@@ -81,9 +81,7 @@ Header read_header(std::string_view bytes, const std::string& name) {
       property.type = type_of(in, w);
       property.name = in.word();
       header.elements.back().properties.push_back(std::move(property));
-    } else if (keyword != "comment" && keyword != "obj_info" && !keyword.empty()) {
-      in.fail("\"{}\" in the header", printable(keyword));
-    }
+    }  // anything else is a comment, announced or not
   }
   in.fail("the header has no end: truncated");
 }

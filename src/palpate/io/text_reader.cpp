@@ -47,6 +47,11 @@ std::string_view TextReader::word_anywhere() {
   }
 }
 
+void TextReader::not_a(const char* kind, std::string_view w) const {
+  if (!w.empty()) fail("\"{}\" is not a {}", printable(w), kind);
+  fail("{}a {} is missing", left() == 0 ? "the file ends, " : "", kind);
+}
+
 double TextReader::number(std::string_view w) {
   const std::string_view digits = w.substr(w.size() > 1 && w[0] == '+' && w[1] != '-' ? 1 : 0);
   double value = 0;
@@ -54,7 +59,7 @@ double TextReader::number(std::string_view w) {
   if (error == std::errc::result_out_of_range)  // tiny ones are zero, huge ones are caught below
     value = std::strtod(std::string(digits).c_str(), nullptr);
   else if (error != std::errc() || end != digits.data() + digits.size())
-    fail("{}", w.empty() ? "a number is missing" : "\"" + printable(w) + "\" is not a number");
+    not_a("number", w);
   if (!std::isfinite(value)) fail("\"{}\" is not a finite number", printable(w));
   return value;
 }
@@ -63,8 +68,7 @@ std::int64_t TextReader::integer(std::string_view w) {
   const std::string_view digits = w.substr(w.size() > 1 && w[0] == '+' && w[1] != '-' ? 1 : 0);
   std::int64_t value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (error != std::errc() || end != digits.data() + digits.size())
-    fail("{}", w.empty() ? "a whole number is missing" : "\"" + printable(w) + "\" is not a whole number");
+  if (error != std::errc() || end != digits.data() + digits.size()) not_a("whole number", w);
   return value;
 }
 

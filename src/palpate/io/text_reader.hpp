@@ -32,6 +32,8 @@ class TextReader {
   }
 
  private:
+  [[noreturn]] void not_a(const char* kind, std::string_view w) const;
+
   std::string_view text_;
   std::string name_;
   bool continued_;
