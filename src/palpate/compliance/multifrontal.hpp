@@ -1,8 +1,7 @@
 // Sparse Cholesky factorisation by fronts, and in the same sweep the compliance between chosen nodes: C =
 // (L^-1 P)^T (L^-1 P), with no backward solve, the right-hand sides pruned to the elimination tree. Duff,
 // Reid, "The multifrontal solution of indefinite sparse symmetric linear equations" (1983); Liu, "The
-// multifrontal method for sparse matrix solution: theory and practice" (1992); Gilbert, Ng, Peyton, "An
-// efficient algorithm to compute row and column counts for sparse Cholesky factorization" (1994).
+// multifrontal method for sparse matrix solution: theory and practice" (1992);
 #pragma once
 
 #include <Eigen/SparseCore>
@@ -47,9 +46,15 @@ class Cholesky {
 
 // (A^-1) between `nodes` (free numbering, distinct): full symmetric (3s)^2 row-major, row 3 i + a, column 3 j
 // + b for nodes[i], nodes[j]. Float is the storage and the arithmetic of the sweep (3e-7 relative); double is
-// for tests and certificates.
+// for tests and certificates. Same bits for any number of threads.
 template <class Scalar>
 void compliance_sweep(const Cholesky& factor, std::span<const Index> nodes, std::span<Scalar> out,
+                      int threads = 0, const Progress& progress = {});
+
+// The same for force patterns: R^T A^-1 R, R 3n x 3s. The nodes that the columns 3 j, 3 j + 1, 3 j + 2 of R
+// touch must each be coupled with the others in the matrix (store explicit zeros where they are not).
+template <class Scalar>
+void compliance_sweep(const Cholesky& factor, const Eigen::SparseMatrix<double>& loads, std::span<Scalar> out,
                       int threads = 0, const Progress& progress = {});
 
 }  // namespace palpate

@@ -9,6 +9,19 @@
 
 namespace palpate {
 
+// Which nodes (3 unknowns each) a symmetric matrix couples: those of node i are neighbours[begin[i]] ..
+// neighbours[begin[i + 1] - 1], ascending, without i itself. Explicit zeros count.
+struct NodeGraph {
+  std::vector<Index> begin, neighbours;
+
+  std::size_t nodes() const { return begin.empty() ? 0 : begin.size() - 1; }
+  std::span<const Index> of(Index node) const {
+    const auto i = static_cast<std::size_t>(node);
+    return {neighbours.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
+  }
+};
+NodeGraph node_graph(const Eigen::SparseMatrix<double>& matrix);
+
 // Order of elimination of the nodes (3 unknowns each) of a symmetric matrix: order[k] is eliminated k-th.
 // Reproducible: METIS uses the global rand(), which is seeded under a mutex.
 std::vector<Index> nested_dissection(const Eigen::SparseMatrix<double>& matrix);
