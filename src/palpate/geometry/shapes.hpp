@@ -20,10 +20,11 @@ TriangleMesh make_box(const Box& box, int n = 1);
 TriangleMesh make_star_shaped(const Vec3& center, int frequency,
                               const std::function<double(const Vec3& direction)>& radius);
 
-// A kidney-like solid, 0.12 m long (y), 0.06 wide (x), 0.05 deep (z), with the hilum at +x, of about
-// `vertices` vertices (10 f^2 + 2 for a whole number f): the unit sphere bent into a bean.
+// A kidney-like solid, 0.12 m long (y), 0.06 wide (x), 0.05 deep (z), with the hilum at +x, of at least
+// `vertices` vertices (the next 10 f^2 + 2, f >= 3): the unit sphere bent into a bean.
 TriangleMesh make_kidney(int vertices);
-// The stone in it: a lumpy solid of about 0.015 m in the lower half, of about `vertices` vertices.
+// The stone in it: a lumpy solid of about 0.015 m in the lower half, 8 mm and more from the surface, of at
+// least `vertices` vertices (the next 10 f^2 + 2).
 TriangleMesh make_stone(int vertices);
 
 // Regular tetrahedral block: n[0] x n[1] x n[2] cells of six (Kuhn) tetrahedra each, region "tissue".
