@@ -2,10 +2,12 @@
 #include <fmt/core.h>
 
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "palpate/geometry/check.hpp"
+#include "palpate/io/nifti.hpp"
 #include "palpate/io/surface_file.hpp"
 
 namespace palpate {
@@ -111,8 +113,48 @@ void info_surface(const InfoOptions& options, const Console& console) {
   print(console, facts, object);
 }
 
+void info_labels(const InfoOptions& options, const Console& console) {
+  const LabelVolume volume = read_labels(options.input);
+  std::map<std::int32_t, std::size_t> counts;
+  for (const std::int32_t label : volume.labels) ++counts[label];
+  const Mat3 axes = volume.to_world.leftCols<3>();
+  const Vec3 voxel = axes.colwise().norm().transpose();
+  const auto& n = volume.size;
+  Box box;  // of the voxels' centres
+  for (int corner = 0; corner < 8; ++corner) {
+    Eigen::Vector4d at(0, 0, 0, 1);
+    for (int i = 0; i < 3; ++i)
+      at[i] = corner >> i & 1 ? static_cast<double>(n[static_cast<std::size_t>(i)] - 1) : 0;
+    box.add(volume.to_world * at);
+  }
+  std::vector<Fact> facts{
+      {"labels", fmt::format("{} x {} x {} voxels of {:.4g} x {:.4g} x {:.4g} mm, NIfTI", n[0], n[1], n[2],
+                             1e3 * voxel.x(), 1e3 * voxel.y(), 1e3 * voxel.z())}};
+  json object{{"file", options.input.string()},
+              {"kind", "labels"},
+              {"size", n},
+              {"voxel_m", as_json(voxel)},
+              {"labels", json::array()}};
+  add_box(box, "", facts, object);
+  const double cell = std::abs(axes.determinant());
+  std::size_t shown = 0;
+  for (const auto& [label, voxels] : counts) {
+    const double m3 = cell * static_cast<double>(voxels);
+    object["labels"].push_back({{"label", label}, {"voxels", voxels}, {"volume_m3", m3}});
+    if (shown++ < 64)
+      facts.push_back(
+          {fmt::format("{}", label), fmt::format("{:>9} voxels  {:>9.4g} cm3", voxels, 1e6 * m3)});
+  }
+  if (shown > 64)
+    facts.push_back({"...", fmt::format("{} different values in all: an image rather than labels?", shown)});
+  print(console, facts, object);
+}
+
 }  // namespace
 
-void run_info(const InfoOptions& options, const Console& console) { info_surface(options, console); }
+void run_info(const InfoOptions& options, const Console& console) {
+  if (is_label_file(options.input)) return info_labels(options, console);
+  info_surface(options, console);
+}
 
 }  // namespace palpate

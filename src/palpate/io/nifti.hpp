@@ -16,6 +16,9 @@ struct LabelVolume {
   std::vector<std::int32_t> labels;      // i fastest: labels[i + size[0] * (j + size[1] * k)]
 };
 
+// By the name: .nii or .nii.gz.
+bool is_label_file(const std::filesystem::path& path);
+
 // Integer volumes, or float volumes whose values are whole numbers. Error(format) otherwise.
 LabelVolume read_labels(const std::filesystem::path& path);
 
