@@ -1,0 +1,101 @@
+// Contact forces between an organ and rigid shapes, on the nodes that may touch. Both laws linearise the gap
+// at the deformed positions again and again until gap and force agree, so contact geometry is right at depth
+// while the material stays linear. Signorini contact by successive linearisation: Wriggers, Computational
+// Contact Mechanics (2006), ch. 5 and 9; forces by Green's functions: James, Pai, "ArtDefo" (1999); Duriez et
+// al., "Realistic haptic rendering of interacting deformable objects" (2006).
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "palpate/contact/clusters.hpp"
+#include "palpate/contact/complementarity.hpp"
+#include "palpate/contact/contact_block.hpp"
+
+namespace palpate {
+
+// A node that may touch a shape. Organ frame.
+struct ContactPoint {
+  Index node = -1;  // surface node
+  Index row = -1;   // its row in the compliance
+  Index instrument = -1;
+  Index slot = -1;             // in the contact block
+  Vec3 rest = Vec3::Zero();    // position at rest, m
+  Vec3 u = Vec3::Zero();       // displacement, m: in, the last tick's; out, the solution's
+  Vec3 normal = Vec3::Zero();  // direction of the force, unit
+  double gap = 0;              // m, at rest + u
+  double pressure = 0;         // N along the normal: in, the last tick's; out, the solution's
+  Vec3 force = Vec3::Zero();   // N, on the organ
+};
+
+struct SolverLimits {
+  double tolerance = 0;  // m, of the gaps
+  int max_relinearisations = 30;
+};
+
+struct SolveResult {
+  bool converged = false;
+  int relinearisations = 0;
+  int factorisations = 0;
+};
+
+// Work space for a number of contact points, allocated once.
+class ContactSolver {
+ public:
+  ContactSolver(std::size_t capacity, std::size_t compliance_rows);
+  std::size_t capacity() const noexcept { return capacity_; }
+
+  // gap >= 0, pressure >= 0, gap * pressure = 0 at every point; forces along the shape's normal (no
+  // friction).
+  SolveResult unilateral(const Compliance& compliance, std::span<const PlacedShape> shapes,
+                         std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
+  // The thesis (T 4.3.2): every point is moved onto the shape's surface, to where the normal at rest + u
+  // leads; forces may pull. Points must be distinct nodes.
+  SolveResult prescribed(const Compliance& compliance, std::span<const PlacedShape> shapes,
+                         std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
+
+ private:
+  static constexpr int window = 5;  // iterates Anderson's acceleration looks back on
+  struct Step {
+    int factorisations = 0;  // 0: the complementarity problem was not solved
+    double residual = 0;     // m, largest violation of gap >= 0 and gap * pressure = 0
+    double turned = 0;       // N, pressure times turn of the normal, summed
+    double total = 0;        // N, sum of the pressures
+    double largest = 0;      // N
+  };
+  struct Column {  // differences between a proposal and the one before
+    std::vector<Vec3> u, force, change;
+  };
+  struct History {
+    int depth = 0, newest = 0;
+  };
+  Step propose(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points) noexcept;
+  double merit(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
+               double penalty) const noexcept;
+  void accelerate(std::span<const ContactPoint> points, History& history) noexcept;
+  void partial(std::span<const ContactPoint> points, double share) noexcept;
+  void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
+               History& history) noexcept;
+  void gather(const Compliance& compliance, std::span<ContactPoint> points) noexcept;
+  void linearise(std::span<const ContactPoint> points) noexcept;
+  void displace(std::span<const ContactPoint> points) noexcept;
+
+  std::size_t capacity_;
+  ContactBlock block_;
+  HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 capacity)^2
+  HugeArray<double> factor_;            // capacity^2
+  std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
+  std::vector<double> vector_, along_;  // 3 capacity
+  std::vector<std::int32_t> index_;
+  std::vector<std::uint8_t> active_;
+  std::vector<Index> rows_, slots_;
+  std::vector<Vec3> u_, force_;  // of the points, proposed
+  std::vector<Vec3> last_u_, last_force_, last_change_;
+  std::vector<Vec3> trial_, trial_force_;
+  std::array<Column, window> columns_;
+};
+
+// Moves p along the outward normal of the shape at p until the distance is zero, to `tolerance` m.
+Vec3 project_to_surface(const PlacedShape& shape, const Vec3& p, double tolerance) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,76 @@
+#include "palpate/contact/shape.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "palpate/contact/clusters.hpp"
+#include "palpate/geometry/shapes.hpp"
+#include "palpate/geometry/signed_distance.hpp"
+
+namespace palpate {
+namespace {
+
+const std::vector<Shape> primitives{Sphere{0.03}, Capsule{0.01, 0.04}, Cuboid{Vec3(0.01, 0.02, 0.03)},
+                                    HalfSpace{}};
+
+TEST(Shape, NormalIsTheGradientOfTheDistance) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-0.08, 0.08);
+  for (const Shape& shape : primitives)
+    for (int i = 0; i < 200; ++i) {
+      const Vec3 p(uniform(random), uniform(random), uniform(random));
+      const Gap g = gap(shape, p);
+      EXPECT_NEAR(g.normal.norm(), 1, 1e-12);
+      EXPECT_EQ(g.distance, distance(shape, p));
+      const double e = 1e-7;
+      // One axis at a time; points within e of a medial plane are too rare to meet with this seed.
+      for (int a = 0; a < 3; ++a)
+        EXPECT_NEAR(
+            (distance(shape, p + e * Vec3::Unit(a)) - distance(shape, p - e * Vec3::Unit(a))) / (2 * e),
+            g.normal[a], 1e-5);
+    }
+}
+
+TEST(Shape, PrimitivesAgreeWithTheirSurfaces) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> uniform(-0.06, 0.06);
+  for (const Shape& shape : {primitives[0], primitives[1], primitives[2]}) {
+    const TriangleMesh surface = surface_of_primitive(shape);
+    const SignedDistanceField field(surface);
+    const double facet = 0.03 * 0.01;  // a 24 x 32 sphere's facets lie up to 0.7 % inside
+    for (int i = 0; i < 200; ++i) {
+      const Vec3 p(uniform(random), uniform(random), uniform(random));
+      EXPECT_NEAR(field.at(p).distance, distance(shape, p), facet);
+    }
+  }
+}
+
+TEST(Clusters, FindExactlyTheNearNodes) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-0.1, 0.1);
+  std::vector<Vec3> points(1000);
+  for (Vec3& p : points) p = Vec3(uniform(random), uniform(random), uniform(random));
+  std::vector<Index> nodes;
+  for (Index i = 0; i < 1000; i += 2) nodes.push_back(i);
+  const Clusters clusters(points, nodes, 16);
+  for (Vec3& p : points)
+    p += 0.01 * Vec3(uniform(random), uniform(random), uniform(random));  // they move after baking
+  std::vector<ClusterBall> balls(clusters.size());
+  const Box box = bound_clusters(clusters, points, balls);
+  for (const Shape& shape : primitives) {
+    const PlacedShape placed(shape, {Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())),
+                                     Vec3(0.02, -0.03, 0.01)});
+    std::vector<Index> found, expected;
+    near_nodes(clusters, balls, box, points, placed, 0.005, [&](Index n, double) { found.push_back(n); });
+    for (const Index n : nodes)
+      if (placed.distance(points[static_cast<std::size_t>(n)]) < 0.005) expected.push_back(n);
+    std::sort(found.begin(), found.end());
+    EXPECT_EQ(found, expected);
+    EXPECT_FALSE(expected.empty());
+  }
+  EXPECT_EQ(Clusters(points, {}).size(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate
