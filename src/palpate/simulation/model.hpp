@@ -53,7 +53,8 @@ enum StatusBits : std::uint32_t {
   not_converged = 1,      // tolerance not reached within max_relinearisations
   too_many_contacts = 2,  // more than max_contacts
   bad_input = 4,          // NaN or infinite pose, wrong number of poses: the tick was skipped, the state kept
-  centre_inside = 8       // an instrument lies so deep that its far side is nearer: forces there mean little
+  anchor_touched =
+      8  // an instrument reaches into anchored nodes, which cannot give way; no force comes from there
 };
 
 struct Contact {
@@ -74,11 +75,15 @@ struct StepTimes {
   double detect = 0, solve = 0, deform = 0, total = 0;
 };
 
-struct StepScratch;  // preallocated work space (step.cpp)
+// Work space and caches of step(); nothing in it decides a result. Allocated by make_state.
+struct StepScratch;
+struct DeleteScratch {
+  void operator()(StepScratch* scratch) const noexcept;
+};
 
 struct State {
   std::vector<Vec3f> displacement;  // of the surface nodes from rest, organ frame, m
-  std::vector<Contact> contacts;    // of this tick, by node
+  std::vector<Contact> contacts;    // of this tick: the nodes with a force
   std::vector<Wrench> wrenches;     // one an instrument
   double deepest_before = 0;        // m, largest penetration of a node at rest, >= 0
   double deepest_after = 0;         // m, largest penetration left
@@ -86,9 +91,10 @@ struct State {
   std::uint32_t status = status_ok;
   Pose organ;  // of the last tick's input
   StepTimes times;
-  std::shared_ptr<StepScratch> scratch;
+  std::unique_ptr<StepScratch, DeleteScratch> scratch;
 };
 
+// Throws Error(usage | resource).
 State make_state(const Model& model);
 // One tick. Never throws, allocates or locks.
 void step(const Model& model, State& state, const Input& input) noexcept;

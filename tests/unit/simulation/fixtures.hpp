@@ -1,0 +1,32 @@
+// Small organs and instruments for the simulation's tests.
+#pragma once
+
+#include "palpate/geometry/shapes.hpp"
+#include "palpate/simulation/model.hpp"
+
+namespace palpate {
+
+// 10 cm cube, base fixed, E = 10 kPa, nu = 0.45, n^3 cells (PEERS' block).
+inline Organ block_organ(int n) {
+  return bake(make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {n, n, n}), {{10e3, 0.45, 1000}},
+              {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()}});
+}
+
+inline Model block_model(int n, const Shape& shape, Mode mode = Mode::unilateral) {
+  Model model;
+  model.organ = block_organ(n);
+  model.instruments.push_back({"tool", shape, surface_of_primitive(shape)});
+  model.settings.mode = mode;
+  return model;
+}
+
+// The instrument's origin at p, the organ where it is.
+inline Input at(const Vec3& p, const Eigen::Quaterniond& q = Eigen::Quaterniond::Identity()) {
+  Input input;
+  input.instruments.push_back({q, p});
+  return input;
+}
+
+inline double organ_size(const Model& model) { return bounding_box(model.organ.surface.vertices).diagonal(); }
+
+}  // namespace palpate

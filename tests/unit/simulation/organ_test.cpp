@@ -1,0 +1,136 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Cholesky>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+
+#include "fixtures.hpp"
+#include "palpate/base/error.hpp"
+#include "palpate/elasticity/stiffness.hpp"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+class OrganFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("palpate_organ_" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+    path_ = folder_ / "block.h5";
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path folder_, path_;
+};
+
+ErrorKind kind_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.kind();
+  }
+  return static_cast<ErrorKind>(0);
+}
+
+TEST(Organ, ComplianceIsTheInverseOfTheDecoupledStiffness) {
+  // T 5.1.3: rows and columns of anchored nodes become the identity's, the whole is inverted, surface nodes
+  // are taken out.
+  const Organ organ = block_organ(3);
+  const Eigen::MatrixXd k(assemble_stiffness(organ.mesh, organ.materials));
+  const auto anchored = anchored_nodes(organ.mesh, organ.anchors);
+  Eigen::MatrixXd decoupled = k;
+  for (std::size_t n = 0; n < anchored.size(); ++n)
+    for (int a = 0; anchored[n] && a < 3; ++a) {
+      const auto d = static_cast<int>(3 * n) + a;
+      decoupled.row(d).setZero();
+      decoupled.col(d).setZero();
+      decoupled(d, d) = 1;
+    }
+  const Eigen::MatrixXd inverse = decoupled.llt().solve(Eigen::MatrixXd::Identity(k.rows(), k.cols()));
+  const std::size_t rows = organ.compliance.nodes();
+  const double largest = inverse.cwiseAbs().maxCoeff();
+  ASSERT_EQ(rows + 16, organ.surface_size());
+  for (std::size_t i = 0; i < 3 * rows; ++i)
+    for (std::size_t j = 0; j < 3 * rows; ++j) {
+      const auto node = [&](std::size_t r) {
+        return 3 * organ.surface_nodes[static_cast<std::size_t>(organ.node_of_row[r / 3])] +
+               static_cast<Index>(r % 3);
+      };
+      ASSERT_NEAR(organ.compliance.matrix()[i * 3 * rows + j], inverse(node(i), node(j)), 1e-6 * largest);
+    }
+}
+
+TEST(Organ, WhatCannotBeBakedIsANamedError) {
+  const TetMesh mesh = make_block({Vec3::Zero(), Vec3::Ones()}, {2, 2, 2});
+  const Material good{1e4, 0.45, 1000};
+  const Anchor base = AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()};
+  EXPECT_EQ(kind_of([&] { bake(mesh, {good}, {}); }), ErrorKind::physics);
+  EXPECT_EQ(kind_of([&] { bake(mesh, {{1e4, 0.5, 1000}}, {base}); }), ErrorKind::physics);
+  EXPECT_EQ(kind_of([&] { bake(mesh, {{-1, 0.3, 1000}}, {base}); }), ErrorKind::physics);
+  EXPECT_EQ(kind_of([&] {
+              bake(mesh, {good}, {AnchorBox{{Vec3::Zero(), Vec3::Ones()}}});
+            }),
+            ErrorKind::physics);
+  EXPECT_EQ(kind_of([&] { bake(TetMesh{}, {good}, {base}); }), ErrorKind::geometry);
+  TetMesh bad = mesh;
+  std::swap(bad.tets[5][0], bad.tets[5][1]);
+  EXPECT_EQ(kind_of([&] { bake(bad, {good}, {base}); }), ErrorKind::geometry);
+  bad = mesh;
+  bad.nodes[3].x() = std::nan("");
+  EXPECT_EQ(kind_of([&] { bake(bad, {good}, {base}); }), ErrorKind::geometry);
+  std::atomic<bool> stop{true};
+  Progress progress;
+  progress.interrupted = &stop;
+  EXPECT_EQ(kind_of([&] { bake(mesh, {good}, {base}, 1, progress); }), ErrorKind::interrupted);
+}
+
+TEST_F(OrganFile, RoundTripKeepsEveryBit) {
+  const Organ a = block_organ(4);
+  write_organ(path_, a, "test");
+  const Organ b = read_organ(path_);
+  EXPECT_EQ(a.mesh.nodes, b.mesh.nodes);
+  EXPECT_EQ(a.mesh.tets, b.mesh.tets);
+  EXPECT_EQ(a.mesh.region_names, b.mesh.region_names);
+  EXPECT_EQ(a.surface.vertices, b.surface.vertices);
+  EXPECT_EQ(a.surface.triangles, b.surface.triangles);
+  EXPECT_EQ(a.surface_nodes, b.surface_nodes);
+  EXPECT_EQ(a.row_of, b.row_of);
+  EXPECT_EQ(a.node_of_row, b.node_of_row);
+  EXPECT_EQ(a.areas, b.areas);
+  EXPECT_EQ(a.hash, b.hash);
+  ASSERT_EQ(a.compliance.nodes(), b.compliance.nodes());
+  EXPECT_TRUE(
+      std::equal(a.compliance.matrix().begin(), a.compliance.matrix().end(), b.compliance.matrix().begin()));
+}
+
+TEST_F(OrganFile, DamageAndStalenessAreNamedErrors) {
+  const Organ organ = block_organ(3);
+  write_organ(path_, organ, "test");
+  std::ifstream in(path_, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(in)), {});
+  const fs::path damaged = folder_ / "damaged.h5";
+  const auto with = [&](const std::string& bytes) {
+    std::ofstream(damaged, std::ios::binary) << bytes;
+    return kind_of([&] { read_organ(damaged); });
+  };
+  for (std::size_t length = 0; length < whole.size(); length += 1 + whole.size() / 60)
+    EXPECT_EQ(with(whole.substr(0, length)), ErrorKind::format) << length;
+  for (std::size_t at = 0; at < whole.size(); at += 1 + whole.size() / 300) {
+    std::string bytes = whole;
+    bytes[at] = static_cast<char>(bytes[at] ^ 0x40);
+    const ErrorKind kind = with(bytes);
+    EXPECT_TRUE(kind == ErrorKind::format || static_cast<int>(kind) == 0) << at;
+  }
+  Organ stale = block_organ(3);
+  stale.materials[0].young *= 2;  // a changed material with the old compliance
+  write_organ(damaged, stale, "test");
+  EXPECT_EQ(kind_of([&] { read_organ(damaged); }), ErrorKind::format);
+  EXPECT_EQ(kind_of([&] { read_organ(folder_ / "missing.h5"); }), ErrorKind::file);
+  EXPECT_EQ(kind_of([&] { write_organ(folder_ / "no" / "folder.h5", organ, "test"); }), ErrorKind::file);
+}
+
+}  // namespace
+}  // namespace palpate

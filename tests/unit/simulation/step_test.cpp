@@ -1,0 +1,278 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <random>
+
+#include "fixtures.hpp"
+#include "palpate/contact/clusters.hpp"
+
+namespace palpate {
+namespace {
+
+Vec3 rest(const Model& m, Index node) { return m.organ.surface.vertices[static_cast<std::size_t>(node)]; }
+
+// Everything the unilateral law promises, checked from the outside: on positions, forces and the compliance.
+void expect_signorini(const Model& model, const State& state, const Input& input) {
+  const double size = organ_size(model), tolerance = 1e-6 * size;
+  ASSERT_EQ(state.status & (not_converged | bad_input | too_many_contacts), 0u);
+  double peak = 0;
+  for (const Contact& c : state.contacts) peak = std::max(peak, c.force.norm());
+  Vec3 total = Vec3::Zero(), torque = Vec3::Zero();
+  std::vector<float> u(3 * model.organ.compliance.nodes());
+  std::vector<Index> rows;
+  std::vector<float> forces;
+  for (const Contact& c : state.contacts) {
+    const auto i = static_cast<std::size_t>(c.instrument);
+    const Vec3 x = deformed(model, state, c.node);
+    const Gap g = gap(model.instruments[i].shape, input.instruments[i].inverse() * x);
+    const Vec3 normal = input.instruments[i].rotation * g.normal;
+    EXPECT_GT(c.force.dot(normal), 0);                                   // no pulling
+    EXPECT_LT(c.force.cross(normal).norm(), 2e-3 * peak);                // no friction
+    EXPECT_LE(std::abs(g.distance) * c.force.norm(), tolerance * peak);  // gap * force
+    EXPECT_NEAR(g.distance, c.gap_after, 1e-9);
+    total += c.force;
+    torque += (x - input.instruments[i].translation).cross(c.force);
+    rows.push_back(model.organ.row_of[static_cast<std::size_t>(c.node)]);
+    const Vec3 f = state.organ.rotation.conjugate() * c.force;
+    for (int a = 0; a < 3; ++a) forces.push_back(static_cast<float>(f[a]));
+  }
+  if (model.instruments.size() == 1) {
+    EXPECT_LT((total + state.wrenches[0].force).norm(), 1e-9 * (1 + total.norm()));
+    EXPECT_LT((torque + state.wrenches[0].torque).norm(), 1e-9 * (1 + torque.norm()));
+  }
+  for (std::size_t n = 0; n < model.organ.surface_size(); ++n) {  // no node anywhere is inside
+    if (model.organ.row_of[n] < 0) continue;
+    for (std::size_t i = 0; i < model.instruments.size(); ++i)
+      EXPECT_GE(distance(model.instruments[i].shape,
+                         input.instruments[i].inverse() * deformed(model, state, static_cast<Index>(n))),
+                -tolerance);
+  }
+  model.organ.compliance.apply(rows, forces, u);  // the displacement is the one these forces cause
+  for (std::size_t r = 0; r < model.organ.compliance.nodes(); ++r)
+    for (std::size_t a = 0; a < 3; ++a)
+      ASSERT_NEAR(
+          u[3 * r + a],
+          state.displacement[static_cast<std::size_t>(model.organ.node_of_row[r])][static_cast<int>(a)],
+          tolerance);
+}
+
+TEST(Step, NoContactNoForce) {
+  const Model model = block_model(5, Sphere{0.03});
+  State state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.2)));
+  EXPECT_EQ(state.status, 0u);
+  EXPECT_TRUE(state.contacts.empty());
+  for (const Vec3f& u : state.displacement) EXPECT_EQ(u, Vec3f::Zero());
+  step(model, state, at(Vec3(0, 0, 0.1301)));  // 0.1 mm above
+  EXPECT_TRUE(state.contacts.empty());
+}
+
+TEST(Step, UnilateralLawHoldsWhilePressingSlidingAndLeaving) {
+  for (const Shape& shape :
+       {Shape{Sphere{0.03}}, Shape{Capsule{0.01, 0.03}}, Shape{Cuboid{Vec3(0.02, 0.015, 0.03)}}}) {
+    const Model model = block_model(8, shape);
+    State state = make_state(model);
+    const double top = 0.1 + bounding_box(shape).max.z();
+    double deepest = 0, peak = 0;
+    for (int k = 0; k <= 60; ++k) {
+      const double t = k / 60.0, depth = 0.012 * std::min({1.0, 4 * t, 4 * (1 - t)}) - 0.001;
+      const Input input = at(Vec3(-0.02 + 0.04 * t, 0.003, top - depth),
+                             Eigen::Quaterniond(Eigen::AngleAxisd(0.4 * t, Vec3(0.3, 1, 0.2).normalized())));
+      step(model, state, input);
+      expect_signorini(model, state, input);
+      deepest = std::max(deepest, state.deepest_before);
+      peak = std::max(peak, state.wrenches[0].force.norm());
+      EXPECT_LE(state.deepest_after, 1e-6 * organ_size(model));
+    }
+    EXPECT_GT(deepest, 0.006);
+    EXPECT_GT(peak, 0.5);
+    step(model, state, at(Vec3(0, 0, 0.5)));
+    EXPECT_TRUE(state.contacts.empty());
+    for (const Vec3f& u : state.displacement) EXPECT_EQ(u, Vec3f::Zero());  // elastic: nothing stays
+  }
+}
+
+TEST(Step, AJumpStraightToDepthEndsWhereTheWayLeads) {
+  const Model model = block_model(8, Sphere{0.03});
+  State slow = make_state(model), fast = make_state(model);
+  for (int k = 0; k <= 40; ++k) step(model, slow, at(Vec3(0.01, 0, 0.13 - 0.01 * k / 40)));
+  step(model, fast, at(Vec3(0.01, 0, 0.12)));
+  expect_signorini(model, fast, at(Vec3(0.01, 0, 0.12)));
+  EXPECT_EQ(slow.contacts.size(), fast.contacts.size());
+  EXPECT_LT((slow.wrenches[0].force - fast.wrenches[0].force).norm(), 1e-3 * slow.wrenches[0].force.norm());
+}
+
+// The brute force: all nodes at once, on the full matrix, by projected Gauss-Seidel, for a plane (where the
+// normal is known).
+TEST(Step, PlaneAgreesWithAFullMatrixSolve) {
+  const Model model = block_model(5, HalfSpace{});
+  State state = make_state(model);
+  Input input = at(Vec3(0, 0, 0.094),
+                   Eigen::Quaterniond(Eigen::AngleAxisd(3.1, Vec3::UnitX())));  // faces down, a little tilted
+  step(model, state, input);
+  expect_signorini(model, state, input);
+
+  const auto rows = model.organ.compliance.nodes();
+  const Vec3 n = input.instruments[0].rotation * Vec3::UnitZ();
+  Eigen::MatrixXd a(rows, rows);
+  Eigen::VectorXd b(rows), p = Eigen::VectorXd::Zero(static_cast<int>(rows));
+  for (std::size_t i = 0; i < rows; ++i) {
+    b[static_cast<int>(i)] =
+        n.dot(rest(model, model.organ.node_of_row[i]) - input.instruments[0].translation);
+    for (std::size_t j = 0; j < rows; ++j) {
+      double sum = 0;
+      for (std::size_t k = 0; k < 3; ++k)
+        for (std::size_t l = 0; l < 3; ++l)
+          sum += n[static_cast<int>(k)] *
+                 static_cast<double>(model.organ.compliance.matrix()[(3 * i + k) * 3 * rows + 3 * j + l]) *
+                 n[static_cast<int>(l)];
+      a(static_cast<int>(i), static_cast<int>(j)) = sum;
+    }
+  }
+  for (int sweep = 0; sweep < 20000; ++sweep)
+    for (int i = 0; i < p.size(); ++i) p[i] = std::max(0.0, p[i] - (a.row(i).dot(p) + b[i]) / a(i, i));
+  Vec3 total = Vec3::Zero();
+  for (const Contact& c : state.contacts) {
+    const int row = model.organ.row_of[static_cast<std::size_t>(c.node)];
+    EXPECT_NEAR(c.force.dot(n), p[row], 1e-4 * p.maxCoeff());
+    total += c.force;
+  }
+  EXPECT_NEAR(total.dot(n), p.sum(), 1e-5 * p.sum());
+  EXPECT_GT(state.contacts.size(), 20u);
+}
+
+TEST(Step, PrescribedLawPutsEveryTouchedNodeOnTheSurface) {
+  for (const Shape& shape : {Shape{Sphere{0.03}}, Shape{Cuboid{Vec3(0.02, 0.015, 0.03)}}}) {
+    const Model model = block_model(8, shape, Mode::prescribed);
+    State state = make_state(model);
+    for (int k = 0; k < 10; ++k) {
+      const Input input = at(Vec3(0.002 * k, 0, 0.1 + bounding_box(shape).max.z() - 0.001 * (k + 1)));
+      step(model, state, input);
+      ASSERT_EQ(state.status & not_converged, 0u);
+      std::size_t touched = 0;
+      for (const Index node : model.organ.node_of_row) {
+        const Pose inverse = input.instruments[0].inverse();
+        if (distance(shape, inverse * rest(model, node)) >= 0) continue;
+        ++touched;
+        EXPECT_NEAR(distance(shape, inverse * deformed(model, state, node)), 0, 1e-6 * organ_size(model));
+      }
+      EXPECT_LE(touched, state.contacts.size());
+      EXPECT_GT(touched, 0u);
+      EXPECT_LE(state.deepest_after, 1e-6 * organ_size(model));
+    }
+  }
+}
+
+TEST(Step, MovingTheAnchorsFrameMovesTheBodyWithoutDeformingIt) {
+  const Model model = block_model(6, Sphere{0.03});
+  State here = make_state(model), there = make_state(model);
+  const Pose frame{Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(1, -2, 0.5).normalized())), Vec3(3, -1, 2)};
+  const Input input = at(Vec3(0.005, 0, 0.122));
+  Input moved = input;
+  moved.organ = frame;
+  moved.instruments[0] = frame * input.instruments[0];
+  step(model, here, input);
+  step(model, there, moved);
+  ASSERT_EQ(here.contacts.size(), there.contacts.size());
+  EXPECT_LT((frame.rotation * here.wrenches[0].force - there.wrenches[0].force).norm(),
+            1e-4 * here.wrenches[0].force.norm());
+  for (std::size_t n = 0; n < model.organ.surface_size(); ++n)
+    EXPECT_LT((here.displacement[n] - there.displacement[n]).norm(), 1e-6f * 0.17f);
+  Input alone = at(Vec3(0, 0, 5));
+  alone.organ = frame;
+  step(model, there, alone);
+  for (const Vec3f& u : there.displacement) EXPECT_EQ(u, Vec3f::Zero());
+  EXPECT_LT((deformed(model, there, 0) - frame * rest(model, 0)).norm(), 1e-12);
+}
+
+TEST(Step, TwoInstrumentsAtOnce) {
+  Model model = block_model(8, Sphere{0.015});
+  model.instruments.push_back({"other", Capsule{0.01, 0.01}, {}});
+  State state = make_state(model);
+  Input input = at(Vec3(-0.025, 0, 0.11));
+  input.instruments.push_back({Eigen::Quaterniond::Identity(), Vec3(0.025, 0, 0.115)});
+  step(model, state, input);
+  expect_signorini(model, state, input);
+  EXPECT_LT(state.wrenches[0].force.z() * -1, 0);
+  EXPECT_GT(state.wrenches[0].force.z(), 0);
+  EXPECT_GT(state.wrenches[1].force.z(), 0);
+  input.instruments[1] = input.instruments[0];  // the same place: a node held by both
+  step(model, state, input);
+  EXPECT_LE(state.deepest_after, 1e-6 * organ_size(model));
+}
+
+TEST(Step, BadInputIsAStatusAndLeavesTheStateAlone) {
+  const Model model = block_model(5, Sphere{0.03});
+  State state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.12)));
+  const std::vector<Vec3f> before = state.displacement;
+  const double nan = std::nan("");
+  for (Input bad : {at(Vec3(nan, 0, 0)), at(Vec3(0, 0, 1), Eigen::Quaterniond(0, 0, 0, 0)),
+                    at(Vec3(0, INFINITY, 0)), Input{}}) {
+    step(model, state, bad);
+    EXPECT_EQ(state.status, bad_input);
+    EXPECT_EQ(before, state.displacement);
+  }
+  step(model, state, at(Vec3(0, 0, 0.12)));
+  EXPECT_EQ(state.status, 0u);
+}
+
+TEST(Step, LimitsAreStatusesNeverSilent) {
+  Model model = block_model(8, Sphere{0.03});
+  model.settings.max_contacts = 4;
+  State state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.115)));
+  EXPECT_NE(state.status & too_many_contacts, 0u);
+  model.settings.max_contacts = 512;
+  model.settings.max_relinearisations = 1;
+  state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.115)));
+  EXPECT_NE(state.status & not_converged, 0u);
+  for (int k = 0; k < 20; ++k) step(model, state, at(Vec3(0, 0, 0.115)));  // the next ticks go on from there
+  EXPECT_EQ(state.status, 0u);
+  step(model, state, at(Vec3(0, 0, 0.02)));  // the ball reaches into the base
+  EXPECT_NE(state.status & anchor_touched, 0u);
+}
+
+TEST(Step, GaussianForceWithoutCollision) {
+  const Model model = block_model(8, Sphere{0.01}, Mode::gaussian);
+  State state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.1)));
+  Vec3 total = Vec3::Zero();
+  for (const Contact& c : state.contacts) total += c.force;
+  EXPECT_LT((total - Vec3(0, 0, -1)).norm(), 1e-5);
+  EXPECT_LT((state.wrenches[0].force - Vec3(0, 0, 1)).norm(), 1e-12);
+  Index lowest = 0;
+  for (std::size_t i = 0; i < state.displacement.size(); ++i)
+    if (state.displacement[i].z() < state.displacement[static_cast<std::size_t>(lowest)].z())
+      lowest = static_cast<Index>(i);
+  EXPECT_LT((rest(model, lowest) - Vec3(0, 0, 0.1)).norm(), 0.013);  // the deepest dent is under the force
+}
+
+TEST(Step, ImprintStays) {
+  const Model model = block_model(8, Sphere{0.03}, Mode::imprint);
+  State state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.12)));
+  EXPECT_GT(state.contacts.size(), 3u);
+  const std::vector<Vec3f> dent = state.displacement;
+  step(model, state, at(Vec3(0, 0, 0.5)));
+  EXPECT_EQ(dent, state.displacement);
+  float deepest = 0;
+  for (const Vec3f& u : dent) deepest = std::min(deepest, u.z());
+  EXPECT_NEAR(deepest, -0.01, 0.001);
+}
+
+TEST(Step, SameInputsSameBits) {
+  const Model model = block_model(7, Sphere{0.03});
+  State a = make_state(model), b = make_state(model);
+  for (int k = 0; k < 30; ++k) {
+    const Input input = at(Vec3(0.001 * k, 0, 0.125 - 0.0003 * k));
+    step(model, a, input);
+    step(model, b, input);
+    ASSERT_EQ(a.displacement, b.displacement);
+    ASSERT_EQ(a.wrenches[0].force, b.wrenches[0].force);
+  }
+}
+
+}  // namespace
+}  // namespace palpate
