@@ -1,0 +1,109 @@
+// Building and asking lattices. A torus of 200,000 triangles in a cubic grid.
+#include <fmt/core.h>
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <random>
+
+#include "bench.hpp"
+#include "palpate/base/error.hpp"
+#include "palpate/base/timer.hpp"
+#include "palpate/geometry/shapes.hpp"
+#include "palpate/lattice/lattice.hpp"
+#include "peers.hpp"
+
+namespace palpate {
+
+namespace {
+
+constexpr double major_radius = 0.06, minor_radius = 0.02;  // m
+
+// n x n x n points about the torus.
+Grid cube_grid(int n) {
+  const double half = 1.02 * (major_radius + minor_radius);
+  return {Vec3::Constant(-half), 2 * half / (n - 1), {n, n, n}};
+}
+
+// The exact smooth torus: samples for query rows in no time.
+LatticeSamples smooth_torus(const Grid& grid) {
+  LatticeSamples samples;
+  samples.grid = grid;
+  samples.distance.reserve(grid.size());
+  samples.closest.reserve(grid.size());
+  for (int i = 0; i < grid.n[0]; ++i)
+    for (int j = 0; j < grid.n[1]; ++j)
+      for (int k = 0; k < grid.n[2]; ++k) {
+        const Vec3 p = grid.point(i, j, k);
+        const double ring = std::hypot(p.x(), p.z());
+        const Vec3 centre =
+            ring > 0 ? Vec3(major_radius / ring * Vec3(p.x(), 0, p.z())) : Vec3(major_radius, 0, 0);
+        const double d = (p - centre).norm();
+        samples.distance.push_back(d - minor_radius);
+        samples.closest.push_back(centre + minor_radius * (d > 0 ? Vec3((p - centre) / d) : Vec3(0, 1, 0)));
+      }
+  return samples;
+}
+
+// Embree answers the same points in the same order, closest points included, unsigned (it has no inside).
+std::vector<Value> fill(int n, const Runs& runs) {
+  const TriangleMesh torus = make_torus(major_radius, minor_radius, 400, 250);
+  const Timer ours_build = cpu_timer();
+  const SignedDistanceField field(torus);
+  const double ours_seconds = ours_build.seconds();
+  const Timer peer_build = cpu_timer();
+  const auto embree = peers::make_embree(torus);
+  const double peer_seconds = peer_build.seconds();
+
+  const Grid grid = cube_grid(n);
+  std::vector<Vec3> points, closest(grid.size());
+  std::vector<double> distance(grid.size());
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      for (int k = 0; k < n; ++k) points.push_back(grid.point(i, j, k));
+  LatticeSamples samples;
+  const Medians m =
+      in_turn([&] { samples = sample_lattice(field, grid, 1); },
+              embree ? [&] { embree->query(points, closest, distance); } : std::function<void()>(), runs);
+  if (embree)
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (std::abs(std::abs(samples.distance[i]) - distance[i]) > 1e-6)
+        throw Error(ErrorKind::internal, "grid point {}: distance {} here, {} by Embree", i,
+                    samples.distance[i], distance[i]);
+  const double ns = 1e9 / static_cast<double>(grid.size());
+  std::string note = fmt::format("search structure {:.0f} ms", 1e3 * ours_seconds);
+  if (embree) note += fmt::format(", peer's {:.0f} ms", 1e3 * peer_seconds);
+  return {{m.ours * ns, embree ? "Embree 3" : "", m.peer * ns, note}};
+}
+
+std::vector<Value> query_distance(int n) {
+  const LatticeSamples samples = smooth_torus(cube_grid(n));
+  const Lattice lattice(samples);
+  const Grid& grid = lattice.grid();
+  const auto openvdb = peers::make_openvdb(grid.origin, grid.h, grid.n, lattice.distances());
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1) * (1 - 1e-9));
+  std::vector<Vec3> points(1000000);
+  for (Vec3& p : points) p = grid.origin + Vec3(unit(random), unit(random), unit(random));
+  std::vector<double> out(points.size()), peer_out(points.size());
+  const Medians m =
+      in_turn([&] { lattice.distance(points, out); },
+              openvdb ? [&] { openvdb->sample(points, peer_out); } : std::function<void()>(), {5, 25, 3});
+  if (openvdb)
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (std::abs(out[i] - peer_out[i]) > 1e-6)
+        throw Error(ErrorKind::internal, "point {}: distance {} here, {} by OpenVDB", i, out[i], peer_out[i]);
+  const double ns = 1e9 / static_cast<double>(points.size());
+  return {{m.ours * ns, openvdb ? "OpenVDB BoxSampler" : "", m.peer * ns}};
+}
+
+}  // namespace
+
+void register_lattice(Bench& bench) {
+  bench.add({{"lattice.fill.torus200k.28", "ns/point"}}, [] { return fill(28, {3, 9, 4}); });
+  bench.add({{"lattice.fill.torus200k.128", "ns/point"}}, [] { return fill(128, {2, 3, 60}); });
+  bench.add({{"lattice.query.64.random.distance", "ns/query"}}, [] { return query_distance(64); });
+  bench.add({{"lattice.query.256.random.distance", "ns/query"}}, [] { return query_distance(256); });
+}
+
+}  // namespace palpate
