@@ -62,7 +62,7 @@ void Console::line(const std::string& text) const {
 }
 
 void Console::object(const nlohmann::json& value) const {
-  if (json) fmt::print("{}\n", value.dump(2));
+  if (json) fmt::print("{}\n", value.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 Progress Console::progress(const std::string& label) const {
