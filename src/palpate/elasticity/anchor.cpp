@@ -223,12 +223,13 @@ Anchor parse_anchor(const std::string& text, double unit) {
   std::array<double, 6> x{};
   for (std::size_t i = 0; i < wanted; ++i) x[i] = number<double>(words[i + 1], text);
   const Vec3 first = unit * Vec3(x[0], x[1], x[2]), second(x[3], x[4], x[5]);
+  if (!first.allFinite() || !(unit * second).allFinite()) reject(text, "a length is out of range");
   if (kind == "box") return AnchorBox{{first.cwiseMin(unit * second), first.cwiseMax(unit * second)}};
   if (kind == "sphere") {
     if (!(x[3] > 0)) reject(text, "the radius must be positive");
     return AnchorSphere{first, unit * x[3]};
   }
-  if (!(second.norm() > 0)) reject(text, "the normal is zero");
+  if (!(second.norm() > 0) || !std::isfinite(second.norm())) reject(text, "the normal has no direction");
   return AnchorHalfSpace{first, second};
 }
 

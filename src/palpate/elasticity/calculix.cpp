@@ -1,0 +1,101 @@
+// CalculiX CrunchiX user's manual (Dhondt): input deck format.
+#include "palpate/elasticity/calculix.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+
+#include "palpate/base/error.hpp"
+#include "palpate/io/atomic_file.hpp"
+
+namespace palpate {
+
+namespace {
+
+void require_sizes(const TetMesh& mesh, const std::vector<Material>& materials,
+                   const std::vector<std::uint8_t>& anchored) {
+  require_valid(mesh, "CalculiX deck");
+  if (materials.size() != mesh.region_names.size())
+    throw Error(ErrorKind::physics, "CalculiX deck: {} materials for {} regions; give each region one",
+                materials.size(), mesh.region_names.size());
+  for (std::size_t r = 0; r < materials.size(); ++r)
+    require_valid(materials[r], "region '" + mesh.region_names[r] + "'");
+  if (anchored.size() != mesh.nodes.size())
+    throw Error(ErrorKind::internal, "CalculiX deck: anchor flags for {} nodes of {}", anchored.size(),
+                mesh.nodes.size());
+}
+
+bool any(const std::vector<std::uint8_t>& flags) {
+  return std::any_of(flags.begin(), flags.end(), [](std::uint8_t f) { return f != 0; });
+}
+
+// A name may hold anything; a comment must stay on its line.
+std::string printable(std::string name) {
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return c < ' '; }, ' ');
+  return name.substr(0, 60);
+}
+
+}  // namespace
+
+std::string calculix_model(const TetMesh& mesh, const std::vector<Material>& materials,
+                           const std::vector<std::uint8_t>& anchored) {
+  require_sizes(mesh, materials, anchored);
+  std::string deck;
+  const auto out = std::back_inserter(deck);
+  fmt::format_to(out, "** metres, newtons, pascals\n*NODE, NSET=NALL\n");
+  for (std::size_t i = 0; i < mesh.nodes.size(); ++i)
+    fmt::format_to(out, "{},{:.12e},{:.12e},{:.12e}\n", i + 1, mesh.nodes[i].x(), mesh.nodes[i].y(),
+                   mesh.nodes[i].z());
+  for (std::size_t r = 0; r < materials.size(); ++r) {
+    const auto in_region = [&](Index region) { return region == static_cast<Index>(r); };
+    if (std::none_of(mesh.regions.begin(), mesh.regions.end(), in_region)) continue;
+    fmt::format_to(out, "** {}\n*ELEMENT, TYPE=C3D4, ELSET=REGION{}\n", printable(mesh.region_names[r]),
+                   r + 1);
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+      if (const Tetrahedron& t = mesh.tets[e]; in_region(mesh.regions[e]))
+        fmt::format_to(out, "{},{},{},{},{}\n", e + 1, t[0] + 1, t[1] + 1, t[2] + 1, t[3] + 1);
+    fmt::format_to(out,
+                   "*MATERIAL, NAME=MATERIAL{0}\n*ELASTIC\n{1:.12e},{2:.12e}\n*DENSITY\n{3:.12e}\n"
+                   "*SOLID SECTION, ELSET=REGION{0}, MATERIAL=MATERIAL{0}\n",
+                   r + 1, materials[r].young, materials[r].poisson, materials[r].density);
+  }
+  if (any(anchored)) {
+    fmt::format_to(out, "*NSET, NSET=ANCHOR\n");
+    for (std::size_t i = 0; i < anchored.size(); ++i)
+      if (anchored[i]) fmt::format_to(out, "{}\n", i + 1);
+    fmt::format_to(out, "*BOUNDARY\nANCHOR,1,3\n");
+  }
+  return deck;
+}
+
+void write_calculix(const std::filesystem::path& path, const TetMesh& mesh,
+                    const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
+                    const std::vector<Vec3>& forces) {
+  std::string deck = calculix_model(mesh, materials, anchored);
+  if (!forces.empty() && forces.size() != mesh.nodes.size())
+    throw Error(ErrorKind::internal, "CalculiX deck: {} forces for {} nodes", forces.size(),
+                mesh.nodes.size());
+  for (std::size_t i = 0; i < forces.size(); ++i)
+    if (!forces[i].allFinite())
+      throw Error(ErrorKind::physics, "CalculiX deck: force on node {} is no number", i);
+  const auto out = std::back_inserter(deck);
+  fmt::format_to(out, "*STEP\n*STATIC\n");
+  bool header = false;
+  for (std::size_t i = 0; i < forces.size(); ++i)
+    for (int a = 0; a < 3; ++a)
+      if (const double f = forces[i][a]; f != 0) {
+        if (!header) fmt::format_to(out, "*CLOAD\n");
+        header = true;
+        fmt::format_to(out, "{},{},{:.12e}\n", i + 1, a + 1, f);
+      }
+  fmt::format_to(out, "*NODE PRINT, NSET=NALL\nU\n");
+  if (any(anchored)) fmt::format_to(out, "*NODE PRINT, NSET=ANCHOR, TOTALS=ONLY\nRF\n");
+  fmt::format_to(out, "*END STEP\n");
+  AtomicFile file(path);
+  file.write(deck);
+  file.commit();
+}
+
+}  // namespace palpate

@@ -1,0 +1,117 @@
+#include "palpate/elasticity/calculix.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <limits>
+#include <random>
+#include <sstream>
+
+#include "palpate/base/error.hpp"
+#include "palpate/elasticity/anchor.hpp"
+#include "palpate/io/atomic_file.hpp"
+#include "support/calculix.hpp"
+#include "support/meshes.hpp"
+#include "support/statics.hpp"
+
+namespace palpate::test {
+namespace {
+
+// Forces on every third node that is not anchored, in all directions.
+std::vector<Vec3> some_forces(const std::vector<std::uint8_t>& anchored) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> force(-0.01, 0.01);
+  std::vector<Vec3> forces(anchored.size(), Vec3::Zero());
+  for (std::size_t i = 0; i < anchored.size(); i += 3)
+    if (!anchored[i]) forces[i] = Vec3(force(random), force(random), force(random));
+  return forces;
+}
+
+void compare(const char* name, const TetMesh& mesh, const std::vector<Material>& materials,
+             const char* anchor) {
+  const auto anchored = anchored_nodes(mesh, {parse_anchor(anchor)});
+  const auto forces = some_forces(anchored);
+  const auto reference = calculix_static(mesh, materials, anchored, forces);
+  if (!reference) GTEST_SKIP() << no_calculix;
+  const auto u = solve_statics(mesh, materials, anchored, forces);
+  double largest = 0, difference = 0;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    largest = std::max(largest, reference->displacement[i].cwiseAbs().maxCoeff());
+    difference = std::max(difference, (u[i] - reference->displacement[i]).cwiseAbs().maxCoeff());
+  }
+  Vec3 total = Vec3::Zero();
+  for (const Vec3& f : forces) total += f;
+  std::printf("CalculiX, %s: %zu nodes, %zu tetrahedra: %.1e of the largest displacement (%.3g m)\n", name,
+              mesh.nodes.size(), mesh.tets.size(), difference / largest, largest);
+  EXPECT_GT(largest, 1e-6);
+  EXPECT_LT(difference, 1e-6 * largest) << name;
+  EXPECT_LT((reference->reaction + total).norm(), 1e-6 * total.norm());
+}
+
+TEST(CalculixReference, BlockOfOneMaterial) {
+  compare("block", jittered_block({10, 9, 8}), {{10e3, 0.45}}, "half-space 0 0 0.03 0 0 1");
+}
+
+TEST(CalculixReference, GradedBracketOfThreeMaterials) {
+  const TetMesh mesh = graded_bracket(16);
+  compare("bracket, one material", mesh, std::vector<Material>(3, Material{10e3, 0.45}),
+          "box -1 -1 -1 1 1 -0.0399");
+  compare("bracket, three materials", mesh, {{5e3, 0.3}, {10e3, 0.45}, {500e3, 0.49}},
+          "box -1 -1 -1 1 1 -0.0399");
+}
+
+std::string deck_of(const TetMesh& mesh, const std::vector<Material>& materials,
+                    const std::vector<std::uint8_t>& anchored, const std::vector<Vec3>& forces) {
+  const auto path = std::filesystem::temp_directory_path() / "palpate-calculix-test.inp";
+  write_calculix(path, mesh, materials, anchored, forces);
+  const std::string deck = read_file(path);
+  std::filesystem::remove(path);
+  return deck;
+}
+
+TEST(CalculixDeck, FitsTheReadersLimits) {
+  TetMesh mesh = jittered_block({2, 2, 2});
+  for (Vec3& p : mesh.nodes) p = -1e-3 * p / 3;
+  for (Tetrahedron& t : mesh.tets) std::swap(t[0], t[1]);
+  mesh.region_names = {std::string("a, very\n*STEP strange name ") + std::string(300, 'x'),
+                       "without tetrahedra"};
+  std::vector<std::uint8_t> anchored(mesh.nodes.size(), 0);
+  anchored[0] = anchored[4] = 1;
+  std::vector<Vec3> forces(mesh.nodes.size(), Vec3::Zero());
+  forces[3] = Vec3(0, -1.0 / 3 * 1e-120, 0);
+  const std::string deck = deck_of(mesh, {{1e4 / 3, 0.3}, {1e4, 0.3}}, anchored, forces);
+  std::istringstream lines(deck);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LT(line.size(), 132u) << line;
+    if (line.find('*') == 0) continue;
+    std::istringstream words(line);
+    for (std::string word; std::getline(words, word, ',');) EXPECT_LE(word.size(), 20u) << line;
+  }
+  const auto times = [&](const std::string& text) {
+    std::size_t n = 0;
+    for (std::size_t at = 0; (at = deck.find(text, at)) != deck.npos; ++at) ++n;
+    return n;
+  };
+  EXPECT_EQ(times("\n*STEP"), 1u);
+  EXPECT_EQ(times("*MATERIAL"), 1u);
+  EXPECT_EQ(times("*NSET, NSET=ANCHOR\n1\n5\n*BOUNDARY\nANCHOR,1,3\n"), 1u);
+  EXPECT_EQ(times("*CLOAD\n4,2,-3.333333333333e-121\n*NODE PRINT"), 1u);
+}
+
+TEST(CalculixDeck, BadInputIsNamedAndLeavesNoFile) {
+  const TetMesh mesh = jittered_block({2, 2, 2});
+  const std::vector<std::uint8_t> none(mesh.nodes.size(), 0);
+  const auto path = std::filesystem::temp_directory_path() / "palpate-calculix-bad.inp";
+  std::vector<Vec3> forces(mesh.nodes.size(), Vec3::Zero());
+  forces[1].x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(write_calculix(path, mesh, {{1e4, 0.3}}, none, forces), Error);
+  EXPECT_THROW(write_calculix(path, mesh, {}, none, {}), Error);
+  EXPECT_THROW(write_calculix(path, mesh, {{1e4, 0.5}}, none, {}), Error);
+  EXPECT_THROW(write_calculix(path, mesh, {{1e4, 0.3}}, {}, {}), Error);
+  EXPECT_THROW(write_calculix(path, mesh, {{1e4, 0.3}}, none, {Vec3::Zero()}), Error);
+  EXPECT_THROW(write_calculix("/nonexistent/folder/a.inp", mesh, {{1e4, 0.3}}, none, {}), Error);
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+}  // namespace
+}  // namespace palpate::test
