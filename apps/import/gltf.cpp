@@ -2,7 +2,12 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
+#include <assimp/LogStream.hpp>
+#include <fstream>
+#include <iterator>
+#include <string_view>
 
 #include "readers.hpp"
 
@@ -40,12 +45,37 @@ void add_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& paren
   for (unsigned i = 0; i < node.mNumChildren; ++i) add_node(scene, *node.mChildren[i], matrix, soup);
 }
 
+// Assimp drops polygons with a vertex that is not there, and only its log says so.
+struct Warnings : Assimp::LogStream {
+  static inline bool dropped = false;
+  void write(const char* message) override {
+    dropped = dropped || std::string_view(message).find("out-of-range") != std::string_view::npos;
+  }
+};
+
+// Assimp takes such positions for float32.
+void refuse_packed(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  for (const char* extension : {"KHR_mesh_quantization", "EXT_meshopt_compression"})
+    if (bytes.find(extension) != std::string::npos)
+      throw Failure(malformed, std::string(extension) + " is not read; save it with plain positions");
+}
+
 }  // namespace
 
 Soup read_gltf(const std::string& path) {
+  refuse_packed(path);
+  Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
+  Assimp::DefaultLogger::get()->attachStream(new Warnings, Assimp::Logger::Warn | Assimp::Logger::Err);
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFile(path, aiProcess_Triangulate);
-  if (!scene) throw Failure(malformed, importer.GetErrorString());
+  if (!scene) {
+    const std::string reason = importer.GetErrorString();
+    throw Failure(malformed,
+                  reason.compare(0, 18, "No suitable reader") == 0 ? "no glTF 2 file, or truncated" : reason);
+  }
+  if (Warnings::dropped) throw Failure(malformed, "a polygon uses a vertex that is not there");
   Soup soup;
   if (scene->mRootNode) add_node(*scene, *scene->mRootNode, aiMatrix4x4(), soup);
   return soup;
