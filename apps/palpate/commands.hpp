@@ -18,7 +18,7 @@ struct LatticeOptions {
   double spacing = 0;           // file units; 0: from subdivisions
   double margin = 0;            // file units
   std::string sign = "auto";    // auto | pseudonormal | winding
-  std::string format = "auto";  // auto (by extension) | h5 | text | vtu
+  std::string format = "auto";  // auto (by extension) | h5 | text | vti
 };
 void run_lattice(const LatticeOptions& options, const Console& console);
 

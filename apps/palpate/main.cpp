@@ -37,7 +37,7 @@ void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
   c->add_option("--margin", o.margin, "grow the box by this much on all sides, in file units");
   c->add_option("--sign", o.sign, "auto, pseudonormal or winding")->capture_default_str();
   c->add_option("--format", o.format,
-                "auto (by extension), h5, text (the thesis' seven numbers a line) or vtu")
+                "auto (by extension), h5, text (the thesis' seven numbers a line) or vti")
       ->capture_default_str();
   c->callback([&] { run_lattice(o, console); });
 }

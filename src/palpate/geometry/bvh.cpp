@@ -37,9 +37,12 @@ ClosestPoint closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, co
   const double longest2 = std::max({ab.squaredNorm(), bc.squaredNorm(), ca.squaredNorm()});
   // Thinner than 1e-8 of its length, the normal is noise, and the edges are as near as the face.
   const bool flat = !(nn > 1e-16 * longest2 * longest2);
-  // The nearest point lies on the face, or on an edge whose line parts p from the triangle.
-  const std::array<bool, 3> beyond{flat || n.dot(ab.cross(ap)) < 0, flat || n.dot(bc.cross(p - b)) < 0,
-                                   flat || n.dot(ca.cross(ap)) < 0};
+  // The nearest point lies on the face, or on an edge whose line parts p from the triangle. What is on an edge
+  // but for rounding counts as on it, so that corners and edges get their own pseudonormals.
+  const double on_edge = 1e-13 * nn;
+  const std::array<bool, 3> beyond{flat || n.dot(ab.cross(ap)) <= on_edge,
+                                   flat || n.dot(bc.cross(p - b)) <= on_edge,
+                                   flat || n.dot(ca.cross(ap)) <= on_edge};
   if (!beyond[0] && !beyond[1] && !beyond[2]) {
     best.point = p - (n.dot(ap) / nn) * n;
     best.distance_squared = (p - best.point).squaredNorm();

@@ -6,6 +6,7 @@
 #include <mutex>
 
 #include "palpate/base/parallel_for.hpp"
+#include "palpate/base/timer.hpp"
 
 namespace palpate {
 
@@ -77,30 +78,42 @@ struct Corners {
   }
 };
 
-// Differences of the distances at the neighbours.
+// Unit gradient by differences of the distances at the neighbours.
 Vec3 difference(const LatticeSamples& s, const std::array<int, 3>& at) {
-  Vec3 g;
-  for (std::size_t k = 0; k < 3; ++k) {
-    auto low = at, high = at;
-    low[k] = std::max(low[k] - 1, 0);
-    high[k] = std::min(high[k] + 1, s.grid.n[k] - 1);
-    g[static_cast<int>(k)] =
-        (s.distance[s.grid.number(high)] - s.distance[s.grid.number(low)]) / (high[k] - low[k]);
-  }
-  return g;
+  const double d = s.distance[s.grid.number(at)];
+  Vec3 axes = Vec3::Zero(), around = Vec3::Zero();
+  for (int i = -1; i <= 1; ++i)
+    for (int j = -1; j <= 1; ++j)
+      for (int k = -1; k <= 1; ++k) {
+        const std::array<int, 3> to{at[0] + i, at[1] + j, at[2] + k};
+        bool in = i != 0 || j != 0 || k != 0;
+        for (std::size_t c = 0; c < 3; ++c) in = in && to[c] >= 0 && to[c] < s.grid.n[c];
+        if (!in) continue;
+        const Vec3 step(i, j, k);
+        const Vec3 slope = (s.distance[s.grid.number(to)] - d) / step.squaredNorm() * step;
+        around += slope;
+        if (std::abs(i) + std::abs(j) + std::abs(k) == 1) axes += slope;
+      }
+  // At a box's edge on the grid's edge all neighbours along the axes are on the surface too.
+  if (axes.norm() < 1e-6 * s.grid.h) axes = around;
+  return axes.norm() > 0 ? Vec3(axes.normalized()) : Vec3::UnitZ();
 }
 
-// Unit gradient at a grid point: away from the closest point. On the surface itself, where that says nothing
-// (or where rounded text says something else than the distance), by differences.
+constexpr double touches = 1e-6;  // times h: nearer, a grid point counts as on the surface
+
+// Unit gradient at a grid point: away from the closest point; by differences where that says nothing, or
+// where rounded text has it disagree with the distance.
 Vec3 gradient_at(const LatticeSamples& s, const std::array<int, 3>& at) {
   const std::size_t i = s.grid.number(at);
   const double d = s.distance[i];
   const Vec3 away = s.grid.point(at[0], at[1], at[2]) - s.closest[i];
   const double length = away.norm();
-  if (std::abs(d) > 1e-6 * s.grid.h && std::abs(length - std::abs(d)) < 1e-3 * std::abs(d))
+  if (std::abs(d) >= touches * s.grid.h && std::abs(length - std::abs(d)) < 1e-3 * std::abs(d))
     return away / (d < 0 ? -length : length);
-  const Vec3 g = difference(s, at);
-  return g.norm() > 0 ? Vec3(g.normalized()) : Vec3::UnitZ();
+  const auto known = std::lower_bound(s.touching.begin(), s.touching.end(), i);
+  if (known != s.touching.end() && *known == i)
+    return s.touching_normal[static_cast<std::size_t>(known - s.touching.begin())];
+  return difference(s, at);
 }
 
 }  // namespace
@@ -124,6 +137,13 @@ Grid make_grid_spaced(const Box& box, double h, double margin) {
 
 LatticeSamples sample_lattice(const SignedDistanceField& surface, const Grid& grid, int threads,
                               const Progress& progress) {
+  const double bytes = static_cast<double>(sizeof(double) + sizeof(Vec3)) * grid.n[0] * grid.n[1] * grid.n[2];
+  const auto available = static_cast<double>(available_bytes());
+  if (bytes > available)
+    throw Error(ErrorKind::resource,
+                "a lattice of {} x {} x {} points needs {:.1f} GB of memory, {:.1f} are available; use fewer "
+                "subdivisions or a larger spacing",
+                grid.n[0], grid.n[1], grid.n[2], 1e-9 * bytes, 1e-9 * available);
   LatticeSamples samples;
   samples.grid = grid;
   samples.sign = surface.method();
@@ -135,23 +155,33 @@ LatticeSamples sample_lattice(const SignedDistanceField& surface, const Grid& gr
   const std::size_t lines = static_cast<std::size_t>(grid.n[0]) * ny;
   std::mutex mutex;
   std::size_t done = 0;
-  parallel_for(
-      lines, std::clamp<std::size_t>(4096 / nz, 1, ny), threads, [&](std::size_t begin, std::size_t end) {
-        Index hint = -1;
-        for (std::size_t line = begin; line < end; ++line)
-          for (std::size_t step = 0; step < nz; ++step) {
-            const std::size_t k = (line - begin) % 2 == 0 ? step : nz - 1 - step;
-            const Vec3 p =
-                grid.point(static_cast<int>(line / ny), static_cast<int>(line % ny), static_cast<int>(k));
-            const SignedDistance s = surface.at(p, std::numeric_limits<double>::infinity(), hint);
-            samples.distance[line * nz + k] = s.distance;
-            samples.closest[line * nz + k] = s.point;
-            hint = s.triangle;
-          }
-        const std::lock_guard lock(mutex);
-        done += end - begin;
-        progress.at(static_cast<double>(done) / static_cast<double>(lines));
-      });
+  using Touching = std::pair<std::size_t, Vec3>;
+  std::vector<Touching> all;
+  const auto fill = [&](std::size_t begin, std::size_t end) {
+    Index hint = -1;
+    std::vector<Touching> own;
+    for (std::size_t line = begin; line < end; ++line)
+      for (std::size_t step = 0; step < nz; ++step) {
+        const std::size_t k = (line - begin) % 2 == 0 ? step : nz - 1 - step, number = line * nz + k;
+        const Vec3 p =
+            grid.point(static_cast<int>(line / ny), static_cast<int>(line % ny), static_cast<int>(k));
+        const SignedDistance s = surface.at(p, std::numeric_limits<double>::infinity(), hint);
+        samples.distance[number] = s.distance;
+        samples.closest[number] = s.point;
+        if (std::abs(s.distance) < touches * grid.h) own.emplace_back(number, s.normal);
+        hint = s.triangle;
+      }
+    const std::lock_guard lock(mutex);
+    all.insert(all.end(), own.begin(), own.end());
+    done += end - begin;
+    progress.at(static_cast<double>(done) / static_cast<double>(lines));
+  };
+  parallel_for(lines, std::clamp<std::size_t>(4096 / nz, 1, ny), threads, fill);
+  std::sort(all.begin(), all.end(), [](const Touching& x, const Touching& y) { return x.first < y.first; });
+  for (const auto& [number, normal] : all) {
+    samples.touching.push_back(number);
+    samples.touching_normal.push_back(normal);
+  }
   return samples;
 }
 
@@ -242,9 +272,10 @@ void Lattice::sample(std::span<const Vec3> points, std::span<LatticeSample> out)
 std::optional<Vec3> Lattice::closest(const Vec3& p) const noexcept {
   if (!grid_.box().contains(p)) return {};
   const Corners corners(grid_, cell_at(grid_, p));
-  Vec3f low = closest_[corners.at[0]], high = low;
-  for (const std::size_t i : corners.at) low = low.cwiseMin(closest_[i]), high = high.cwiseMax(closest_[i]);
-  if ((high - low).norm() > 2 * grid_.h) return {};
+  const auto farthest2 = static_cast<float>(4 * grid_.h * grid_.h);
+  for (std::size_t a = 0; a < 8; ++a)
+    for (std::size_t b = 0; b < a; ++b)
+      if ((closest_[corners.at[a]] - closest_[corners.at[b]]).squaredNorm() > farthest2) return {};
   const Vec3 c = corners.mix(closest_);
   if (!(std::abs(distance(c)) < 0.1 * grid_.h)) return {};
   return c;

@@ -41,6 +41,10 @@ struct LatticeSamples {
   Grid grid;
   std::vector<double> distance;  // m, negative inside, one a grid point
   std::vector<Vec3> closest;     // m, closest surface point of each grid point
+  // Grid points on the surface itself (|distance| < 1e-6 h), ascending, with the surface's pseudonormal
+  // there: p - closest says nothing. Empty where unknown (text): then differences of the distances serve.
+  std::vector<std::size_t> touching;
+  std::vector<Vec3> touching_normal;
   SignMethod sign = SignMethod::pseudonormal;
 };
 
@@ -80,7 +84,7 @@ class Lattice {
   LatticeSample sample(const Vec3& p) const noexcept;
   void distance(std::span<const Vec3> points, std::span<double> out) const noexcept;
   void sample(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept;
-  // Interpolated closest point, when the eight corners' are within 2 h of each other and the lattice's own
+  // Interpolated closest point, when the eight corners' lie within 2 h of each other and the lattice's own
   // distance there is below h/10; empty outside the box and across the medial axis, where an interpolated
   // point means nothing (T 7.2 point 3).
   std::optional<Vec3> closest(const Vec3& p) const noexcept;

@@ -168,6 +168,8 @@ TEST(SignedDistance, NoAnswerIsNoCrash) {
   EXPECT_TRUE(std::isnan(field.at(Vec3(std::nan(""), 0, 0)).distance));
   EXPECT_EQ(field.at(Vec3(1, 0, 0)).distance, 0);
   EXPECT_EQ(field.at(Vec3(1, 0.3, 0.2)).normal, Vec3(1, 0, 0));
+  EXPECT_NEAR((field.at(Vec3(1, 1, 0.2)).normal - Vec3(1, 1, 0).normalized()).norm(), 0, 1e-15);
+  EXPECT_NEAR((field.at(Vec3(1, -1, 1)).normal - Vec3(1, -1, 1).normalized()).norm(), 0, 1e-15);
   EXPECT_THROW(SignedDistanceField(TriangleMesh{}), Error);
   TriangleMesh bad = cube(Vec3::Zero(), 1);
   bad.triangles[3][1] = 8;
