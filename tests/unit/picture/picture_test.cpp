@@ -17,7 +17,8 @@ struct Pixel {
 };
 
 Pixel at(const Image& image, int x, int y) {
-  const std::size_t i = 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x));
+  const std::size_t i =
+      3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x));
   return {image.rgb[i], image.rgb[i + 1], image.rgb[i + 2]};
 }
 
@@ -42,7 +43,8 @@ TEST(Painter, NearerCoversFartherWhateverTheOrder) {
   const Camera camera;  // one metre along z
   const TriangleMesh far = square(0.2, -0.1), near = square(0.1, 0.1);
   const Image nothing = painter.draw({}, camera, 0, 1);
-  for (const auto& meshes : {std::vector{drawn(far, red), drawn(near, green)}, std::vector{drawn(near, green), drawn(far, red)}}) {
+  for (const auto& meshes :
+       {std::vector{drawn(far, red), drawn(near, green)}, std::vector{drawn(near, green), drawn(far, red)}}) {
     const Image image = painter.draw(meshes, camera, 0, 1);
     ASSERT_EQ(image.rgb.size(), 3u * 100 * 80);
     const Pixel centre = at(image, 50, 40), ring = at(image, 50 + 10, 40), corner = at(image, 2, 2);
@@ -59,7 +61,9 @@ TEST(Painter, ASphereIsRoundAlsoInAWidePicture) {
   int left = 400, right = -1, top = 200, bottom = -1;
   for (int y = 0; y < 200; ++y)
     for (int x = 0; x < 400; ++x)
-      if (const Pixel p = at(image, x, y); p.r > 1.5 * p.b) left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = std::max(bottom, y);
+      if (const Pixel p = at(image, x, y); p.r > 1.5 * p.b)
+        left = std::min(left, x), right = std::max(right, x), top = std::min(top, y),
+        bottom = std::max(bottom, y);
   const double width = right - left + 1, height = bottom - top + 1;
   EXPECT_NEAR(width, height, 2);
   // Seen from one metre at 35 degrees: the silhouette's diameter in pixels.
@@ -76,7 +80,8 @@ TEST(Painter, ValuesFollowTheScaleAndOpacityBlends) {
     d.values = values;
     return at(painter.draw({d}, Camera{}, 0, 10), 32, 32);
   };
-  // Shading changes brightness, not the order: low values are light, high ones dark, beyond the ends they stay.
+  // Shading changes brightness, not the order: low values are light, high ones dark, beyond the ends they
+  // stay.
   const auto brightness = [](const Pixel& p) { return p.r + p.g + p.b; };
   EXPECT_GT(brightness(painted(0)), brightness(painted(5)) + 30);
   EXPECT_GT(brightness(painted(5)), brightness(painted(10)) + 30);
@@ -95,7 +100,8 @@ TEST(Painter, FrameBoxShowsAllOfTheBox) {
     const Camera c = frame_box(box, direction, Vec3(0, 0.1, 1));
     const Vec3 forward = (c.target - c.eye).normalized();
     for (int k = 0; k < 8; ++k) {
-      const Vec3 corner(k & 1 ? box.max.x() : box.min.x(), k & 2 ? box.max.y() : box.min.y(), k & 4 ? box.max.z() : box.min.z());
+      const Vec3 corner(k & 1 ? box.max.x() : box.min.x(), k & 2 ? box.max.y() : box.min.y(),
+                        k & 4 ? box.max.z() : box.min.z());
       const double angle = std::acos((corner - c.eye).normalized().dot(forward)) * 180 / M_PI;
       EXPECT_LT(angle, c.field_of_view * 0.71);  // within the picture's corners
     }
@@ -114,7 +120,8 @@ TEST(Painter, BadMeshesAreNamedErrors) {
 TEST(ContactSheet, HasItsTilesCaptionsAndLegend) {
   Image tile{48, 48, std::vector<std::uint8_t>(3 * 48 * 48, 0)};
   const std::vector<Tile> without(5, Tile{tile, ""}), with(5, Tile{tile, "12.3 mm"});
-  const Image a = contact_sheet(without, 4, "title", "displacement, mm", 0, 12), b = contact_sheet(with, 4, "title", "displacement, mm", 0, 12);
+  const Image a = contact_sheet(without, 4, "title", "displacement, mm", 0, 12),
+              b = contact_sheet(with, 4, "title", "displacement, mm", 0, 12);
   ASSERT_EQ(a.rgb.size(), 3u * static_cast<std::size_t>(a.width) * static_cast<std::size_t>(a.height));
   ASSERT_EQ(a.width, b.width);
   EXPECT_GE(a.width, 4 * 48);
