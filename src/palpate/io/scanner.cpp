@@ -71,6 +71,20 @@ std::string_view Scanner::line() {
   return text;
 }
 
+bool Scanner::line_ends() {
+  while (position_ < bytes_.size()) {
+    const char c = bytes_[position_];
+    if (c == '\n' || (c == comment_ && comment_)) return true;
+    const std::size_t joint = c != '\\'                                       ? 0
+                              : bytes_.compare(position_ + 1, 2, "\r\n") == 0 ? 3
+                              : bytes_.compare(position_ + 1, 1, "\n") == 0   ? 2
+                                                                              : 0;
+    if (joint == 0 && !is_space(c)) return false;
+    position_ += std::max<std::size_t>(joint, 1);
+  }
+  return true;
+}
+
 double Scanner::number() {
   skip_space();
   const char* const end = bytes_.data() + bytes_.size();

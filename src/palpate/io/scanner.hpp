@@ -26,7 +26,9 @@ class Scanner {
   std::string_view word();       // up to the next white space
   std::string_view peek_word();  // the same, not consumed; empty at the end
   std::string_view line();       // the rest of the line, without its end; empty at the file's end
-  double number();               // finite
+  bool
+  line_ends();  // nothing follows on this line but white space, a comment, or a backslash and the next line
+  double number();  // finite
   std::int64_t integer();
   // Binary, `swapped` where the file's byte order is not ours.
   template <class T>

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "palpate/io/scanner.hpp"
 #include "palpate/io/surface_formats.hpp"
-#include "palpate/io/text_reader.hpp"
 
 namespace palpate {
 
@@ -60,35 +60,36 @@ TriangleMesh read_binary(std::string_view bytes, const std::string& name) {
 
 TriangleMesh read_text(std::string_view bytes, const std::string& name) {
   if (bytes.substr(0, 3) == "\xef\xbb\xbf") bytes.remove_prefix(3);
-  TextReader in(bytes, name);
+  Scanner in(name, bytes);
   TriangleMesh mesh;
   const auto expect = [&](std::string_view keyword) {
-    const std::string_view w = in.word_anywhere();
-    if (is(w, keyword)) return;
-    if (w.empty()) in.fail("the file ends before \"{}\": truncated", keyword);
-    in.fail("\"{}\" where \"{}\" should be", printable(w), keyword);
+    const std::string_view w = in.word();
+    if (!is(w, keyword)) in.fail(fmt::format("expected \"{}\", found {}", keyword, shown(w)));
   };
-  for (std::string_view w = in.word_anywhere(); !w.empty(); w = in.word_anywhere()) {
-    if (!is(w, "solid")) in.fail("\"{}\" where \"solid\" should be", printable(w));
-    in.next_line();  // the rest of that line is its name
-    for (w = in.word_anywhere(); is(w, "facet"); w = in.word_anywhere()) {
-      while (!is(w, "outer") && !w.empty()) w = in.word_anywhere();  // the normal follows from the vertices
+  while (!in.at_end()) {
+    expect("solid");
+    in.line();  // its name
+    std::string_view w = in.word();
+    for (; is(w, "facet"); w = in.word()) {
+      in.at("facet", static_cast<std::int64_t>(mesh.triangles.size()));
+      while (!is(in.word(), "outer")) {  // the normal follows from the vertices
+      }
       expect("loop");
       std::array<Vec3, 3> corners;
       for (Vec3& p : corners) {
         expect("vertex");
         for (int i = 0; i < 3; ++i) {
-          const double x = in.number(in.word_anywhere());
-          if (std::abs(x) > std::numeric_limits<float>::max()) in.fail("{} is beyond float32", x);
+          const double x = in.number();
+          if (std::abs(x) > std::numeric_limits<float>::max())
+            in.fail(fmt::format("{} is beyond float32", x));
           p[i] = static_cast<float>(x);
         }
       }
       expect("endloop"), expect("endfacet");
       add(mesh, corners);
     }
-    if (w.empty()) in.fail("the file ends before \"endsolid\": truncated");
-    if (!is(w, "endsolid")) in.fail("\"{}\" where \"facet\" or \"endsolid\" should be", printable(w));
-    in.next_line();
+    if (!is(w, "endsolid")) in.fail("expected \"facet\" or \"endsolid\", found " + shown(w));
+    in.line();
   }
   return mesh;
 }
