@@ -153,7 +153,8 @@ std::optional<ContactReference> calculix_contact(const TetMesh& mesh, const std:
   ContactReference result;
   const std::string dat = run(folder, result.seconds);
   result.displacement = displacements(dat, mesh.nodes.size());
-  result.force = last_block(dat, "total force (fx,fy,fz) for set TOOL", false).at(0);
+  result.force =
+      -last_block(dat, "total force (fx,fy,fz) for set TOOL", false).at(0);  // printed: on its nodes
   return result;
 }
 

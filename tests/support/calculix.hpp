@@ -28,7 +28,7 @@ std::optional<StaticReference> calculix_static(const TetMesh& mesh, const std::v
 // state. `slope` is the penalty, N/m3: at 2e10 the bodies overlap by less than a micrometre.
 struct ContactReference {
   std::vector<Vec3> displacement;  // of the mesh's nodes at the end, m
-  Vec3 force;                      // on the tool, N
+  Vec3 force;                      // of the mesh on the tool, N
   double seconds;                  // wall, of the whole job
 };
 std::optional<ContactReference> calculix_contact(const TetMesh& mesh, const std::vector<Material>& materials,
