@@ -54,9 +54,7 @@ struct Warnings : Assimp::LogStream {
 };
 
 // Assimp takes such positions for float32.
-void refuse_packed(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+void refuse_packed(const std::string& bytes) {
   for (const char* extension : {"KHR_mesh_quantization", "EXT_meshopt_compression"})
     if (bytes.find(extension) != std::string::npos)
       throw Failure(malformed, std::string(extension) + " is not read; save it with plain positions");
@@ -65,11 +63,17 @@ void refuse_packed(const std::string& path) {
 }  // namespace
 
 Soup read_gltf(const std::string& path) {
-  refuse_packed(path);
+  std::ifstream in(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  refuse_packed(bytes);
   Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
   Assimp::DefaultLogger::get()->attachStream(new Warnings, Assimp::Logger::Warn | Assimp::Logger::Err);
   Assimp::Importer importer;
-  const aiScene* scene = importer.ReadFile(path, aiProcess_Triangulate);
+  // Text may name further files beside it; a binary file may have any name, but Assimp goes by the extension.
+  const aiScene* scene =
+      bytes.compare(0, 4, "glTF") == 0
+          ? importer.ReadFileFromMemory(bytes.data(), bytes.size(), aiProcess_Triangulate, "glb")
+          : importer.ReadFile(path, aiProcess_Triangulate);
   if (!scene) {
     const std::string reason = importer.GetErrorString();
     throw Failure(malformed,

@@ -19,7 +19,7 @@ class Triangulator {
   using Vec2 = Eigen::Vector2d;
   bool is_ear(std::size_t before, std::size_t tip, std::size_t after);
 
-  std::size_t budget_ = 200'000'000;  // corner tests left: a damaged file must not cost hours
+  std::size_t budget_ = 100'000'000;  // corner tests left: a damaged file must not cost hours
   std::vector<Vec2> flat_;            // corners in the polygon's plane
   std::vector<std::size_t> left_;     // corners not yet clipped, in order
 };
