@@ -37,8 +37,8 @@ ClosestPoint closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, co
   const double longest2 = std::max({ab.squaredNorm(), bc.squaredNorm(), ca.squaredNorm()});
   // Thinner than 1e-8 of its length, the normal is noise, and the edges are as near as the face.
   const bool flat = !(nn > 1e-16 * longest2 * longest2);
-  // The nearest point lies on the face, or on an edge whose line parts p from the triangle. What is on an edge
-  // but for rounding counts as on it, so that corners and edges get their own pseudonormals.
+  // The nearest point lies on the face, or on an edge whose line parts p from the triangle. What is on an
+  // edge but for rounding counts as on it, so that corners and edges get their own pseudonormals.
   const double on_edge = 1e-13 * nn;
   const std::array<bool, 3> beyond{flat || n.dot(ab.cross(ap)) <= on_edge,
                                    flat || n.dot(bc.cross(p - b)) <= on_edge,
@@ -66,7 +66,7 @@ ClosestPoint closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, co
 namespace {
 
 constexpr int bins = 16;
-constexpr Index leaf_size = 4;
+constexpr Index leaf_size = 8;
 // From here on nodes are halved by count: at most 31 levels more, which the search's stack holds.
 constexpr int deepest_by_area = 48;
 constexpr int stack_size = 96;
@@ -182,9 +182,14 @@ Bvh::Bvh(const TriangleMesh& mesh) {
   for (const Index i : order) {
     const Triangle& t = mesh.triangles[static_cast<std::size_t>(i)];
     slot_[static_cast<std::size_t>(i)] = static_cast<Index>(corners_.size());
-    corners_.push_back({mesh.vertices[static_cast<std::size_t>(t[0])],
-                        mesh.vertices[static_cast<std::size_t>(t[1])],
-                        mesh.vertices[static_cast<std::size_t>(t[2])], i});
+    const Vec3 &a = mesh.vertices[static_cast<std::size_t>(t[0])],
+               &b = mesh.vertices[static_cast<std::size_t>(t[1])],
+               &c = mesh.vertices[static_cast<std::size_t>(t[2])];
+    corners_.push_back({a, b, c, i});
+    const Vec3 center = (a + b + c) / 3, n = (b - a).cross(c - a);
+    const double longest2 = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    const double radius = std::max({(a - center).norm(), (b - center).norm(), (c - center).norm()});
+    disks_.push_back({center, n.norm() > 1e-4 * longest2 ? Vec3(n.normalized()) : Vec3::Zero(), radius});
   }
 }
 
@@ -192,21 +197,28 @@ ClosestPoint Bvh::closest(const Vec3& p, double bound_squared, Index hint) const
   ClosestPoint best;
   best.distance_squared = bound_squared;
   if (nodes_.empty() || !p.allFinite()) return best;
-  // Boxes as far as the best, give or take rounding, are still opened, so that ties fall as promised.
-  const double rounding = 1e-15 * std::max(reach_, p.cwiseAbs().maxCoeff());
-  const auto opened_to = [&] {
-    const double d = std::sqrt(best.distance_squared) + rounding;
-    return d * d * (1 + 1e-14);
+  // Boxes and triangles as far as the best, give or take rounding, are still opened, so that ties fall as
+  // promised. (Normals of disks are good to 1e-12.)
+  const double rounding = 1e-11 * std::max(reach_, p.cwiseAbs().maxCoeff());
+  double farthest2 = 0;
+  const auto open_to_best = [&] {
+    const double farthest = std::sqrt(best.distance_squared) * (1 + 1e-14) + rounding;
+    farthest2 = farthest * farthest;
   };
-  double limit = opened_to();
+  open_to_best();
   const auto visit = [&](const Corners& t) {
     ClosestPoint q = closest_on_triangle(p, t.a, t.b, t.c);
     if (q.distance_squared < best.distance_squared ||
         (q.distance_squared == best.distance_squared && best.triangle > t.triangle)) {
       q.triangle = t.triangle;
       best = q;
-      limit = opened_to();
+      open_to_best();
     }
+  };
+  const auto disk_distance2 = [&](const Disk& disk) {
+    const Vec3 r = p - disk.center;
+    const double height = disk.normal.dot(r), beside = disk.normal.cross(r).norm() - disk.radius;
+    return height * height + (beside > 0 ? beside * beside : 0);
   };
   const auto box_distance2 = [&](const Node& node) {
     const Vec3 below_min = node.min.cast<double>() - p, above_max = p - node.max.cast<double>();
@@ -223,19 +235,20 @@ ClosestPoint Bvh::closest(const Vec3& p, double bound_squared, Index hint) const
   stack[top++] = {box_distance2(nodes_[0]), 0};
   while (top > 0) {
     Entry entry = stack[--top];
-    if (entry.distance2 > limit) continue;
+    if (entry.distance2 > farthest2) continue;
     for (;;) {
       const Node& node = nodes_[static_cast<std::size_t>(entry.node)];
       if (node.count > 0) {
         for (Index i = node.first; i < node.first + node.count; ++i)
-          visit(corners_[static_cast<std::size_t>(i)]);
+          if (disk_distance2(disks_[static_cast<std::size_t>(i)]) <= farthest2)
+            visit(corners_[static_cast<std::size_t>(i)]);
         break;
       }
       Entry near{box_distance2(nodes_[static_cast<std::size_t>(node.first)]), node.first};
       Entry far{box_distance2(nodes_[static_cast<std::size_t>(node.first) + 1]), node.first + 1};
       if (far.distance2 < near.distance2) std::swap(near, far);
-      if (near.distance2 > limit) break;
-      if (far.distance2 <= limit) stack[top++] = far;
+      if (near.distance2 > farthest2) break;
+      if (far.distance2 <= farthest2) stack[top++] = far;
       entry = near;
     }
   }

@@ -83,7 +83,12 @@ TEST(ClosestOnTriangle, EqualsTheOracleOnNeedlesCapsAndPoints) {
 TEST(Bvh, EqualsBruteForceToTheBit) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> u(-1, 1);
-  for (TriangleMesh mesh : {test::soup(2000, 1), test::torus(1, 0.4, 40, 20), test::soup(3, 2)}) {
+  TriangleMesh needles = test::soup(500, 3);  // each thinner than the one before
+  for (std::size_t i = 0; i < 500; ++i) {
+    Vec3* v = &needles.vertices[3 * i];
+    v[2] = v[0] + std::pow(0.9, static_cast<double>(i)) * (v[2] - v[0]);
+  }
+  for (TriangleMesh mesh : {test::soup(2000, 1), test::torus(1, 0.4, 40, 20), test::soup(3, 2), needles}) {
     // Duplicates, degenerates and a second copy: ties all over.
     const std::size_t n = mesh.triangles.size();
     for (std::size_t i = 0; i < n; i += 3) mesh.triangles.push_back(mesh.triangles[i]);
