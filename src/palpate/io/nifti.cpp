@@ -263,7 +263,10 @@ bool is_label_file(const std::filesystem::path& path) {
 }
 
 LabelVolume read_labels(const std::filesystem::path& path) {
-  const std::string name = path.string(), bytes = read_file(path);
+  return parse_labels(read_file(path), path.string());
+}
+
+LabelVolume parse_labels(const std::string& bytes, const std::string& name) {
   if (bytes.empty()) throw Error(ErrorKind::format, "{}: the file is empty", name);
   Source source(bytes, name);
   const Header header = read_header(source, name);

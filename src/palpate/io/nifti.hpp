@@ -4,6 +4,7 @@
 
 #include <array>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "palpate/base/vec.hpp"
@@ -21,5 +22,7 @@ bool is_label_file(const std::filesystem::path& path);
 
 // Integer volumes, or float volumes whose values are whole numbers. Error(format) otherwise.
 LabelVolume read_labels(const std::filesystem::path& path);
+// The same from a file's bytes; `name` is its name in messages.
+LabelVolume parse_labels(const std::string& bytes, const std::string& name);
 
 }  // namespace palpate

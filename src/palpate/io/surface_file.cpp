@@ -96,14 +96,14 @@ Imported read_any(const fs::path& path) {
 
 void require_polygons(const TriangleMesh& mesh, const std::string& name, const std::string& format) {
   if (mesh.triangles.empty()) throw Error(ErrorKind::format, "{}: no polygons in it ({})", name, format);
+  const double most = std::numeric_limits<float>::max();
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
     for (const Index v : mesh.triangles[i]) {
       if (v < 0 || static_cast<std::size_t>(v) >= mesh.vertices.size())
         throw Error(ErrorKind::format, "{}: triangle {} uses vertex {} of {}", name, i, v,
                     mesh.vertices.size());
       const Vec3& p = mesh.vertices[static_cast<std::size_t>(v)];
-      if (!(p.cwiseAbs().maxCoeff() <=
-            std::numeric_limits<float>::max()))  // not a number, or too big for float32
+      if (!(p.array().abs() <= most).all())  // not a number, or too big for float32
         throw Error(ErrorKind::format, "{}: vertex {} of triangle {} is at ({}, {}, {})", name, v, i, p.x(),
                     p.y(), p.z());
     }

@@ -183,6 +183,11 @@ TEST(Stl, NamesFacetAndTrouble) {
   EXPECT_HAS(trouble("a.stl", "solid\nfacet\nouter loop\nvertex 0 0 0\nendloop\nendfacet\nendsolid\n"),
              "line 5, facet 0: expected \"vertex\", found \"endloop\"");
   EXPECT_HAS(trouble("a.stl", "solid\nfacet\nouter loop\nvertex 0 0 1e39\n"), "float32");
+  for (std::size_t i = 0; i < 9; ++i) {  // whichever coordinate it is
+    std::string nan = sample("binary.stl");
+    nan.replace(96 + 4 * i, 4, std::string("\0\0\xc0\x7f", 4));
+    EXPECT_HAS(trouble("a.stl", nan), "of triangle 0 is at (");
+  }
 }
 
 std::string ply(const std::string& rest) { return "ply\nformat ascii 1.0\n" + rest; }

@@ -136,7 +136,9 @@ std::string nifti1(bool swapped, int datatype) {
     return Bytes(swapped).add<decltype(sample)>({value}).bytes;
   };
   std::string h(352, '\0');
-  const auto put = [&](std::size_t at, const std::string& bytes) { std::copy(bytes.begin(), bytes.end(), h.data() + at); };
+  const auto put = [&](std::size_t at, const std::string& bytes) {
+    std::copy(bytes.begin(), bytes.end(), h.data() + at);
+  };
   put(0, number(std::int32_t{}, 348));
   put(40, Bytes(swapped).add<std::int16_t>({3, 2, 3, 4, 1, 1, 1, 1}).bytes);
   put(70, number(std::int16_t{}, datatype));
