@@ -26,7 +26,7 @@ struct PadCommandOptions {
   std::filesystem::path input, output;
   std::string unit = "m", name = "tissue";
   std::vector<std::string> regions;  // NAME=FILE
-  double spacing = 0;                // file units; 0: mean edge length
+  double spacing = 0;                // file units; 0: 1.4 mean edges
   bool grade = true;
 };
 void run_pad(const PadCommandOptions& options, const Console& console);

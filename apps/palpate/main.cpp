@@ -55,7 +55,7 @@ void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
                 "NAME=FILE, a closed surface inside (repeatable; later ones lie inside earlier ones)");
   c->add_option("--name", o.name, "name of the region in no inner surface")->capture_default_str();
   c->add_option("--spacing", o.spacing,
-                "of the interior nodes near the surface, in file units (default: mean edge length)");
+                "of the interior nodes near the surface, in file units (default: 1.4 mean edges)");
   c->add_flag("!--uniform", o.grade, "do not let the tetrahedra grow with depth");
   c->callback([&] { run_pad(o, console); });
 }

@@ -17,15 +17,18 @@ struct NamedSurface {
 };
 
 struct PadOptions {
-  double spacing = 0;  // of the interior points near the surface, m; 0: mean edge length of the surface
+  double spacing = 0;  // of the interior points near the surface, m; 0: 1.4 times the surface's mean edge
   bool grade = true;   // coarser with depth (nested body-centred grids)
   std::string name = "tissue";  // region of what lies in no inner surface
 };
 
 struct PadReport {
   std::size_t interior_points = 0;
+  double spacing = 0;                 // of the interior points near the surface, m
+  bool flipped = false;               // the surface faced inwards and was turned round
   std::size_t removed_outside = 0;    // Delaunay tetrahedra outside the surface
-  std::size_t slivers_removed = 0;    // flat tetrahedra peeled off the boundary or dissolved
+  std::size_t recovered_edges = 0;    // surface edges that Delaunay missed and flips made
+  std::size_t slivers_removed = 0;    // flat tetrahedra peeled off the boundary
   std::size_t missing_triangles = 0;  // input triangles (outer surface) that are no boundary face
   std::vector<Vec3> missing_at;       // centroids of the first ten
   std::size_t region_missing = 0;     // inner-surface triangles that are no interface face

@@ -1,0 +1,13 @@
+// Better shaped tetrahedra without moving a surface.
+#pragma once
+
+#include "palpate/base/progress.hpp"
+#include "palpate/pad/flips.hpp"
+
+namespace palpate {
+
+// Flips what is not protected and moves the nodes from `first_free` on, until all tetrahedra reach `goal`
+// (shape, see flips.hpp) or nothing gets better any more.
+void improve(FlipMesh& mesh, Index first_free, double goal, const Progress& progress = {});
+
+}  // namespace palpate
