@@ -85,7 +85,10 @@ Uploaded upload(const DrawnMesh& mesh, const Vec3& origin) {
   }
   Uploaded result;
   result.corners = static_cast<GLsizei>(normals.size());
-  result.center = bounding_box(mesh.vertices).center();
+  Box box;
+  for (const Vec3& v : mesh.vertices)
+    if (v.allFinite()) box.add(v);
+  result.center = box.empty() ? origin : box.center();
   glGenVertexArrays(1, &result.array);
   glBindVertexArray(result.array);
   glGenBuffers(1, &result.buffer);
