@@ -1,0 +1,29 @@
+// What run_info's parts share: facts as aligned lines, and the same as one object.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "palpate/base/vec.hpp"
+
+namespace palpate {
+
+struct Facts {
+  nlohmann::json object;
+  std::vector<std::pair<std::string, std::string>> lines;  // name, text
+
+  Facts(const std::filesystem::path& file, const std::string& kind)
+      : object{{"file", file.string()}, {"kind", kind}} {}
+  void add(const std::string& name, const std::string& text) { lines.emplace_back(name, text); }
+  void add_box(const Box& box, const std::string& unit);  // and whether the unit can be right
+  void print(const Console& console) const;
+};
+
+std::string count(std::size_t n, const std::string& one, const std::string& many);  // "1 edge", "2 edges"
+
+// info_files.cpp: a lattice or a model.
+void info_container(const InfoOptions& options, const std::string& kind, const Console& console);
+
+}  // namespace palpate

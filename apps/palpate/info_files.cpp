@@ -1,0 +1,110 @@
+// The files of our own, from their attributes and the shapes of their arrays; with --verify all is read.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "console.hpp"
+#include "info.hpp"
+#include "palpate/io/container.hpp"
+#include "palpate/lattice/lattice_file.hpp"
+#include "palpate/simulation/organ.hpp"
+
+namespace palpate {
+
+namespace {
+
+constexpr int any_version = std::numeric_limits<int>::max();
+
+std::size_t rows(const ContainerReader& in, const std::string& name) {
+  const std::vector<std::size_t> shape = in.shape(name);
+  return shape.empty() ? 0 : shape[0];
+}
+
+void info_lattice(const InfoOptions& options, Facts& facts) {
+  const ContainerReader in(options.input, "lattice", any_version);
+  const std::vector<std::size_t> n = in.shape("distance");
+  if (n.size() != 3) throw Error(ErrorKind::format, "{}: its distances are no grid", options.input.string());
+  const double h = in.number("spacing");
+  const Vec3 origin(in.number("origin_x"), in.number("origin_y"), in.number("origin_z"));
+  const Vec3 cells(static_cast<double>(n[0]) - 1, static_cast<double>(n[1]) - 1,
+                   static_cast<double>(n[2]) - 1);
+  facts.add("lattice", fmt::format("{} x {} x {} points, {:.5g} mm apart", n[0], n[1], n[2], 1e3 * h));
+  facts.object["points"] = n, facts.object["spacing_m"] = h;
+  facts.add_box({origin, origin + h * cells}, "");
+  facts.add("sign", in.text("sign"));
+  facts.add("surface", fmt::format("{} on {}", count(rows(in, "surface/triangles"), "triangle", "triangles"),
+                                   count(rows(in, "surface/vertices"), "vertex", "vertices")));
+  facts.add("made of", in.text("provenance"));
+  facts.object["sign"] = in.text("sign"), facts.object["provenance"] = in.text("provenance");
+  facts.object["triangles"] = rows(in, "surface/triangles"), facts.object["version"] = in.version();
+  if (!options.verify) return;
+  const LatticeFile file = read_lattice(options.input);
+  const auto& d = file.samples.distance;
+  const auto [least, most] = std::minmax_element(d.begin(), d.end());
+  facts.add("distances", fmt::format("{:.5g} to {:.5g} mm", 1e3 * *least, 1e3 * *most));
+  facts.object["distance_m"] = {*least, *most};
+}
+
+void info_model(const InfoOptions& options, Facts& facts, const Console& console) {
+  const ContainerReader in(options.input, "model", any_version);
+  const std::vector<Index> row_of = in.vector<Index>("surface/rows");
+  const auto free =
+      static_cast<std::size_t>(std::count_if(row_of.begin(), row_of.end(), [](Index r) { return r >= 0; }));
+  const std::size_t nodes = rows(in, "mesh/nodes"), tets = rows(in, "mesh/tets");
+  facts.add("model", fmt::format("{} tetrahedra on {}", tets, count(nodes, "node", "nodes")));
+  facts.add("surface", fmt::format("{} nodes, {} of them free, {} triangles", row_of.size(), free,
+                                   rows(in, "surface/triangles")));
+  const std::vector<double> vertices = in.vector<double>("surface/vertices");
+  Box box;
+  for (std::size_t i = 0; i + 2 < vertices.size(); i += 3)
+    box.add(Vec3(vertices[i], vertices[i + 1], vertices[i + 2]));
+  facts.add_box(box, "");
+  const std::vector<double> m = in.vector<double>("materials");
+  const std::string names = in.text("region_names");
+  std::size_t at = 0;
+  for (std::size_t r = 0; 3 * r + 2 < m.size(); ++r) {
+    const std::size_t end = std::min(names.find('\n', at), names.size());
+    const std::string name = names.substr(at, end - at);
+    at = std::min(end + 1, names.size());
+    facts.add(r == 0 ? "materials" : "", fmt::format("{}: E {:.6g} Pa, nu {:.4g}, {:.5g} kg/m3", name,
+                                                     m[3 * r], m[3 * r + 1], m[3 * r + 2]));
+    facts.object["materials"].push_back({{"region", name},
+                                         {"young_pa", m[3 * r]},
+                                         {"poisson", m[3 * r + 1]},
+                                         {"density_kg_m3", m[3 * r + 2]}});
+  }
+  std::string anchors = in.text("anchors");
+  facts.object["anchors"] = anchors;
+  std::replace(anchors.begin(), anchors.end(), '\n', ';');
+  facts.add("anchors", anchors.size() > 100 ? anchors.substr(0, 100) + "..." : anchors);
+  facts.add("compliance", fmt::format("{}, {} free rows, {} in memory", in.text("storage"), 3 * free,
+                                      human_bytes(36 * free * free)));
+  facts.add("made of", in.text("provenance"));
+  facts.object.update({{"nodes", nodes},
+                       {"tets", tets},
+                       {"surface_nodes", row_of.size()},
+                       {"free_nodes", free},
+                       {"storage", in.text("storage")},
+                       {"provenance", in.text("provenance")},
+                       {"version", in.version()}});
+  if (options.verify) read_organ(options.input, true, console.progress("verify"));
+}
+
+}  // namespace
+
+void info_container(const InfoOptions& options, const std::string& kind, const Console& console) {
+  Facts facts(options.input, kind);
+  if (kind == "lattice")
+    info_lattice(options, facts);
+  else if (kind == "model")
+    info_model(options, facts, console);
+  else
+    throw Error(ErrorKind::format, "{}: a container of kind \"{}\", of which nothing is known here",
+                options.input.string(), kind);
+  if (options.verify) facts.add("verified", "all checksums, and every number in its range");
+  facts.object["verified"] = options.verify;
+  facts.print(console);
+}
+
+}  // namespace palpate
