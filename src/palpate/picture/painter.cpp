@@ -17,7 +17,7 @@ namespace {
 
 using Mat4f = Eigen::Matrix4f;
 
-constexpr double kCrease = 35;                                // degrees; sharper edges are drawn sharp
+constexpr double kCrease = 50;                                // degrees; sharper edges are drawn sharp
 constexpr int kShadowTexels = 1024;                           // a side
 constexpr int kLargest = 8192;                                // pixels a side
 const Vec3 kKeyLight = Vec3(-0.42, 0.62, 0.66).normalized();  // towards the light, as in the shader
