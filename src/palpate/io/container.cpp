@@ -93,6 +93,25 @@ Id string_type() {
 
 std::string system_reason() { return errno ? std::strerror(errno) : "the file ends early"; }
 
+Id open_hdf5(const char* path, unsigned flags) {
+  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_file_locking(access, false, true);
+  return {H5Fopen(path, flags, access), H5Fclose};
+}
+
+// A file without contents, made in memory: where libhdf5 cannot write the first bytes of a new file it stays
+// broken until the program ends, and then hangs or crashes.
+std::string empty_file() {
+  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_fapl_core(access, 1 << 12, false);
+  const Id file(H5Fcreate("empty", H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
+  H5Fflush(file, H5F_SCOPE_LOCAL);
+  std::string bytes(static_cast<std::size_t>(std::max<ssize_t>(H5Fget_file_image(file, nullptr, 0), 0)),
+                    '\0');
+  H5Fget_file_image(file, bytes.data(), bytes.size());
+  return bytes;
+}
+
 bool starts_as_hdf5(int fd) {
   char start[8] = {};
   return read_at(fd, start, 8, 0) && std::memcmp(start, "\x89HDF\r\n\x1a\n", 8) == 0;
@@ -151,10 +170,13 @@ ContainerWriter::ContainerWriter(const std::filesystem::path& path, const std::s
   {
     const Hdf5 lock;
     errno = 0;
-    const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    H5Pset_file_locking(access, false, true);
-    impl_->file =
-        Id(H5Fcreate(impl_->output.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
+    const char* const name = impl_->output.temporary().c_str();
+    {
+      const Descriptor out(::open(name, O_WRONLY | O_CLOEXEC));
+      const std::string empty = empty_file();
+      impl_->check(out.fd >= 0 && write_at(out.fd, empty.data(), empty.size(), 0));
+    }
+    impl_->file = open_hdf5(name, H5F_ACC_RDWR);
     void* handle = nullptr;
     impl_->check(impl_->file.ok() && H5Fget_vfd_handle(impl_->file, H5P_DEFAULT, &handle) >= 0);
     impl_->fd = *static_cast<int*>(handle);
@@ -344,9 +366,7 @@ void ContainerReader::Impl::load() {
                 "{}: is truncated or damaged, or was written or changed by another program; make it again",
                 path);
   const Hdf5 lock;
-  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  H5Pset_file_locking(access, false, true);
-  const Id root(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose);
+  const Id root = open_hdf5(path.c_str(), H5F_ACC_RDONLY);
   if (!root.ok()) damaged("HDF5 cannot open it");
   load_attributes(root);
   std::vector<std::string> names;

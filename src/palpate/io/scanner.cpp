@@ -85,13 +85,14 @@ bool Scanner::line_ends() {
   return true;
 }
 
-double Scanner::number() {
+template <class T>
+T Scanner::number() {
   skip_space();
   const char* const end = bytes_.data() + bytes_.size();
   const char* begin = bytes_.data() + position_;
   if (begin == end) fail("the file ends early");
   if (*begin == '+') ++begin;
-  double value = 0;
+  T value = 0;
   auto [stop, error] = std::from_chars(begin, end, value);
   if (error == std::errc() && stop != end && (*stop == 'd' || *stop == 'D')) {  // Fortran's 1.5D-3
     std::string text(peek_word());
@@ -110,6 +111,9 @@ double Scanner::number() {
   position_ = static_cast<std::size_t>(stop - bytes_.data());
   return value;
 }
+
+template float Scanner::number<float>();
+template double Scanner::number<double>();
 
 std::int64_t Scanner::integer() {
   skip_space();

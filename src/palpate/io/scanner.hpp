@@ -28,7 +28,8 @@ class Scanner {
   std::string_view line();       // the rest of the line, without its end; empty at the file's end
   bool
   line_ends();  // nothing follows on this line but white space, a comment, or a backslash and the next line
-  double number();  // finite
+  template <class T = double>
+  T number();  // finite; T: float, double
   std::int64_t integer();
   // Binary, `swapped` where the file's byte order is not ours.
   template <class T>
