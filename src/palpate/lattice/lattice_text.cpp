@@ -1,9 +1,9 @@
 // The text form of the thesis: T 5.1.1 (file), 5.2.3 (xbreak and ybreak).
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "palpate/io/atomic_file.hpp"
+#include "palpate/io/scanner.hpp"
 #include "palpate/lattice/lattice_file.hpp"
 
 namespace palpate {
@@ -12,39 +12,21 @@ namespace {
 
 using Row = std::array<double, 7>;  // x y z, closest point, distance positive inside
 
-bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
-
-// False: the line is empty.
-bool parse_row(std::string_view line, Row& row, std::size_t number, const std::string& what) {
-  const auto skip_blanks = [&] {
-    while (!line.empty() && is_blank(line.front())) line.remove_prefix(1);
-  };
-  skip_blanks();
-  if (line.empty()) return false;
-  for (double& value : row) {
-    if (line.size() > 1 && line[0] == '+' && line[1] != '-') line.remove_prefix(1);
-    const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), value);
-    const auto used = static_cast<std::size_t>(end - line.data());
-    const bool ends = used == line.size() || is_blank(line[used]);
-    if (error != std::errc() || !ends || !(std::abs(value) < 1e30))
-      throw Error(ErrorKind::format, "{}: line {} is not seven numbers (x y z, closest point, distance)",
-                  what, number);
-    line.remove_prefix(used);
-    skip_blanks();
-  }
-  if (!line.empty()) throw Error(ErrorKind::format, "{}: line {} has more than seven numbers", what, number);
-  return true;
-}
-
 std::vector<Row> parse_rows(std::string_view text, const std::string& what) {
   std::vector<Row> rows;
-  for (std::size_t at = 0, number = 1; at < text.size(); ++number) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    Row row;
-    if (parse_row(text.substr(at, end - at), row, number, what)) rows.push_back(row);
-    at = end + 1;
+  Scanner in(what, text);
+  while (!in.at_end()) {
+    in.at("lattice point", static_cast<std::int64_t>(rows.size() + 1));
+    Row& row = rows.emplace_back();
+    for (double& value : row) {
+      value = in.number();
+      if (!(std::abs(value) < 1e30)) in.fail("the number is out of any body's range");
+      if ((&value == &row.back()) != in.line_ends())
+        in.fail("not seven numbers on the line (x y z, closest point, distance)");
+    }
   }
   if (rows.empty()) throw Error(ErrorKind::format, "{}: no lattice points", what);
+  in.require_line_end();
   return rows;
 }
 

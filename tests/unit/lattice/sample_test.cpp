@@ -4,6 +4,7 @@
 
 #include "lattice_test.hpp"
 #include "palpate/base/error.hpp"
+#include "palpate/geometry/shapes.hpp"
 
 namespace palpate {
 namespace {
@@ -72,6 +73,38 @@ TEST(Lattice, IsLipschitzAndChangesSignOnlyAcrossTheSurface) {
             ASSERT_LE(std::abs(a - b), apart * (1 + 1e-9)) << name;
           }
   }
+}
+
+// The chess piece of T fig. 6.1 with a tenth of its base's triangles gone, some of the rest turned over: away
+// from the base the signs are those of the whole.
+TEST(Lattice, OpenSurfaceHasTheSignsOfTheWholeAwayFromItsHoles) {
+  const auto path = test::inventor / "chess/bishop.iv";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no inventor-data";
+  const TriangleMesh whole = read_surface(path).mesh;
+  const Box box = box_of(whole);
+  const double height = box.size().y();
+  TriangleMesh open = whole;
+  std::size_t i = 0;
+  std::erase_if(open.triangles, [&](const Triangle& t) {
+    const double y = whole.vertices[static_cast<std::size_t>(t[0])].y();
+    return y < box.min.y() + 0.2 * height && i++ % 10 == 0;
+  });
+  ASSERT_LT(open.triangles.size(), whole.triangles.size());
+  for (std::size_t k = 0; k < open.triangles.size(); k += 50)
+    std::swap(open.triangles[k][0], open.triangles[k][1]);
+  const SignedDistanceField exact(whole), field(open);
+  EXPECT_EQ(field.method(), SignMethod::winding);
+  std::mt19937_64 random(3);
+  int wrong = 0, asked = 0;
+  for (int n = 0; n < 5000; ++n) {
+    const Vec3 p = test::random_in(box, random);
+    const double d = exact.at(p).distance;
+    if (p.y() < box.min.y() + 0.4 * height || std::abs(d) < 0.02 * height) continue;
+    ++asked;
+    wrong += (field.at(p).distance < 0) != (d < 0);
+  }
+  EXPECT_GT(asked, 1000);
+  EXPECT_EQ(wrong, 0);
 }
 
 TEST(Lattice, SameBitsForAnyNumberOfThreads) {
