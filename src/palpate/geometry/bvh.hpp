@@ -32,6 +32,9 @@ class Bvh {
   // answer for a neighbouring point): it makes the search shorter and changes nothing else.
   ClosestPoint closest(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity(),
                        Index hint = -1) const;
+  // Whether `test` holds for a triangle whose box (or its leaf's) meets `box`.
+  template <class Test>
+  bool any_in(const Box& box, const Test& test) const;
 
  private:
   struct Node {
@@ -55,5 +58,23 @@ class Bvh {
   std::vector<Index> slot_;       // of each triangle
   double reach_ = 0;              // largest coordinate, m: what rounding is measured by
 };
+
+template <class Test>
+bool Bvh::any_in(const Box& box, const Test& test) const {
+  std::vector<Index> todo;
+  if (!nodes_.empty()) todo.push_back(0);
+  while (!todo.empty()) {
+    const Node& node = nodes_[static_cast<std::size_t>(todo.back())];
+    todo.pop_back();
+    if (!box.intersects({node.min.cast<double>(), node.max.cast<double>()})) continue;
+    if (node.count == 0) {
+      todo.push_back(node.first + 1);
+      todo.push_back(node.first);
+    }
+    for (Index i = node.first; i < node.first + node.count; ++i)
+      if (test(corners_[static_cast<std::size_t>(i)].triangle)) return true;
+  }
+  return false;
+}
 
 }  // namespace palpate

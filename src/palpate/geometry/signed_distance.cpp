@@ -5,6 +5,7 @@
 
 #include "palpate/base/error.hpp"
 #include "palpate/geometry/check.hpp"
+#include "palpate/geometry/crossing.hpp"
 
 namespace palpate {
 
@@ -94,7 +95,7 @@ Outside sample_outside(const TriangleMesh& mesh, const std::vector<Index>& part,
 }
 
 // Sum of the unit normals at each edge, three a triangle; unit where they do not cancel.
-std::vector<Vec3> edge_normals(const std::vector<Triangle>& triangles, const std::vector<Vec3>& normals) {
+std::vector<Vec3> sum_at_edges(const std::vector<Triangle>& triangles, const std::vector<Vec3>& normals) {
   struct Edge {
     std::uint64_t key;
     std::size_t slot;
@@ -113,8 +114,8 @@ std::vector<Vec3> edge_normals(const std::vector<Triangle>& triangles, const std
   for (std::size_t i = 0, j; i < edges.size(); i = j) {
     Vec3 sum = Vec3::Zero();
     for (j = i; j < edges.size() && edges[j].key == edges[i].key; ++j) sum += normals[edges[j].slot / 3];
-    if (sum.norm() > 0) sum.normalize();
-    for (std::size_t k = i; k < j; ++k) result[edges[k].slot] = sum;
+    for (std::size_t k = i; k < j; ++k)
+      result[edges[k].slot] = sum.norm() > 1e-9 ? Vec3(sum.normalized()) : Vec3::Zero();
   }
   return result;
 }
@@ -129,6 +130,7 @@ const char* name(SignMethod method) {
 
 struct SignedDistanceField::Prepared {
   TriangleMesh mesh;
+  std::vector<Vec3> face_normals, edge_normals;
   SignMethod method = SignMethod::winding;
   std::string reason;
   bool flipped = false;
@@ -165,12 +167,20 @@ SignedDistanceField::Prepared SignedDistanceField::prepare(const TriangleMesh& m
         if (inverted[static_cast<std::size_t>(part[i])]) turn(p.mesh.triangles[i]);
       p.flipped_parts += count;
     }
-    const bool flat = std::any_of(p.mesh.triangles.begin(), p.mesh.triangles.end(),
-                                  [&](const Triangle& t) { return flatness(p.mesh, t) < 1e-7; });
-    if (!outside.all_zero)
-      p.reason = "parts overlap or the surface crosses itself";
-    else if (flat)
+    if (!outside.all_zero) p.reason = "parts overlap or the surface crosses itself";
+  }
+  p.face_normals.reserve(p.mesh.triangles.size());
+  for (const Triangle& t : p.mesh.triangles) p.face_normals.push_back(area_vector(p.mesh, t).normalized());
+  p.edge_normals = sum_at_edges(p.mesh.triangles, p.face_normals);
+  if (p.reason.empty() && !method) {
+    if (std::any_of(p.mesh.triangles.begin(), p.mesh.triangles.end(),
+                    [&](const Triangle& t) { return flatness(p.mesh, t) < 1e-7; }))
       p.reason = "triangles without area";
+    else if (std::any_of(p.edge_normals.begin(), p.edge_normals.end(),
+                         [](const Vec3& n) { return n.isZero(0); }))
+      p.reason = "triangles folded onto each other";
+    else if (crosses_itself(p.mesh, Bvh(p.mesh)))
+      p.reason = "the surface crosses or touches itself";
     else
       p.method = SignMethod::pseudonormal;
   }
@@ -187,12 +197,11 @@ SignedDistanceField::SignedDistanceField(Prepared&& p)
       reason_(std::move(p.reason)),
       flipped_(p.flipped),
       flipped_parts_(p.flipped_parts),
+      face_normals_(std::move(p.face_normals)),
+      edge_normals_(std::move(p.edge_normals)),
       vertex_normals_(vertex_normals(p.mesh)) {
   if (method_ == SignMethod::winding) winding_.emplace(p.mesh);
-  face_normals_.reserve(p.mesh.triangles.size());
-  for (const Triangle& t : p.mesh.triangles) face_normals_.push_back(area_vector(p.mesh, t).normalized());
   triangles_ = std::move(p.mesh.triangles);
-  edge_normals_ = edge_normals(triangles_, face_normals_);
 }
 
 Vec3 SignedDistanceField::pseudonormal(const ClosestPoint& c) const {

@@ -30,9 +30,10 @@ struct SignedDistance {
 // one facing outwards is solid, and parts that overlap are united.
 class SignedDistanceField {
  public:
-  // Chooses the sign's method from the mesh unless given: pseudonormals on closed oriented surfaces without
-  // flat triangles on which the winding number, sampled along the surface, agrees with them; else winding.
-  // Throws Error(geometry) when there is no triangle, a vertex is no number or an index is out of range.
+  // Chooses the sign's method from the mesh unless given: pseudonormals on closed oriented surfaces that do
+  // not cross, touch or fold onto themselves, have no flat triangles, and just outside of which the winding
+  // number, sampled along the surface, is 0; else winding. Throws Error(geometry) when there is no triangle,
+  // a vertex is no number or an index is out of range.
   explicit SignedDistanceField(const TriangleMesh& mesh, std::optional<SignMethod> method = {});
   // Beyond the bound: distance infinite, triangle -1. Where p is no number: distance NaN.
   SignedDistance at(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity(),

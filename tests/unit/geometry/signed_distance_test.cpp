@@ -7,6 +7,8 @@
 #include "meshes.hpp"
 #include "palpate/base/error.hpp"
 #include "palpate/geometry/check.hpp"
+#include "palpate/geometry/crossing.hpp"
+#include "palpate/geometry/shapes.hpp"
 
 namespace palpate {
 namespace {
@@ -102,6 +104,33 @@ TEST(SignedDistance, AnInnerPartFacingInwardsIsACavityOneFacingOutwardsIsSolid) 
 
 TEST(SignedDistance, OverlappingPartsAreUnited) {
   expect_signs(both(cube(Vec3::Zero(), 1), cube(Vec3(0.5, 0.4, 0.3), 1)), SignMethod::winding, 2);
+}
+
+TEST(Crossing, FindsWhatPiercesTouchesOrOverlapsInOnePlane) {
+  const auto crosses = [](const TriangleMesh& mesh) { return crosses_itself(mesh, Bvh(mesh)); };
+  const TriangleMesh one = cube(Vec3::Zero(), 1);
+  EXPECT_FALSE(crosses(one));
+  EXPECT_FALSE(crosses(torus(1, 0.4, 40, 20)));
+  EXPECT_FALSE(crosses(make_box({Vec3::Zero(), Vec3(1, 2, 3)}, 5)));  // many triangles in one plane
+  EXPECT_FALSE(crosses(make_kidney(1000)));
+  EXPECT_FALSE(crosses(both(one, cube(Vec3::Zero(), 0.5))));
+  EXPECT_FALSE(crosses(both(one, cube(Vec3(2.0001, 0, 0), 1))));
+  EXPECT_TRUE(crosses(both(one, cube(Vec3(0.5, 0.4, 0.3), 1))));
+  EXPECT_TRUE(crosses(both(one, cube(Vec3(1.5, 0, 0), 0.5))));           // a face within a face
+  EXPECT_TRUE(crosses(both(one, cube(Vec3(2, 0.3, 0.2), 1))));           // faces that overlap
+  EXPECT_TRUE(crosses(both(one, cube(Vec3(0, 0, 1.0), 0.01))));          // a small one in a face
+  EXPECT_TRUE(crosses(both(one, cube(Vec3(1.001, 1.001, 0.5), 0.01))));  // on an edge
+}
+
+// A spike from a box's bottom through its top: the centres of all triangles see nothing of it, and edges meet
+// edges only.
+TEST(SignedDistance, ASmallCrossingIsNotMissed) {
+  TriangleMesh mesh = make_box({Vec3(-1, -1, -1), Vec3(1, 1, 1)}, 6);
+  int moved = 0;
+  for (Vec3& v : mesh.vertices)
+    if ((v - Vec3(0, 0, -1)).norm() < 1e-9) v.z() = 1.01, ++moved;
+  ASSERT_EQ(moved, 1);
+  EXPECT_EQ(SignedDistanceField(mesh).method(), SignMethod::winding);
 }
 
 TEST(SignedDistance, SurfacesFacingInwardsAreTurnedOver) {

@@ -32,7 +32,7 @@ std::vector<Named> meshes() {
 TEST(Lattice, EqualsBruteForce) {
   for (const auto& [name, mesh] : meshes()) {
     const SignedDistanceField field(mesh);
-    const Grid grid = make_grid(box_of(mesh), mesh.triangles.size() > 2000 ? 5 : 8, 0.01);
+    const Grid grid = make_grid(box_of(mesh), mesh.triangles.size() > 500 ? 4 : 7, 0.01);
     const LatticeSamples samples = sample_lattice(field, grid, 2);
     EXPECT_EQ(samples.sign, field.method());
     std::size_t number = 0;
