@@ -35,8 +35,9 @@ struct GapAt {
   Gap operator()(const Cuboid& c) const { return cuboid_gap(c.half, p); }
   Gap operator()(const HalfSpace&) const { return {p.z(), Vec3::UnitZ()}; }
   Gap operator()(const std::shared_ptr<const Lattice>& lattice) const {
-    const LatticeSample s = lattice->sample(p);
-    return {s.distance, s.gradient};
+    const LatticeSample s = lattice->smooth(p);
+    const double slope = s.gradient.norm();
+    return {s.distance, slope > 1e-9 ? Vec3(s.gradient / slope) : Vec3::UnitZ(), std::clamp(slope, 0.1, 2.0)};
   }
 };
 
@@ -68,11 +69,7 @@ TriangleMesh square(double side) {
 
 }  // namespace
 
-double distance(const Shape& shape, const Vec3& p) noexcept {
-  if (const auto* lattice = std::get_if<std::shared_ptr<const Lattice>>(&shape))
-    return (*lattice)->distance(p);
-  return std::visit(GapAt{p}, shape).distance;
-}
+double distance(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape).distance; }
 
 Gap gap(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape); }
 

@@ -24,6 +24,8 @@ using Shape = std::variant<Sphere, Capsule, Cuboid, HalfSpace, std::shared_ptr<c
 struct Gap {
   double distance = 0;         // signed, m, negative inside
   Vec3 normal = Vec3::Zero();  // unit, outwards, continuous where the surface is smooth
+  double slope =
+      1;  // of the distance along the normal: less than 1 near edges narrower than a lattice's cell
 };
 
 double distance(const Shape& shape, const Vec3& p) noexcept;

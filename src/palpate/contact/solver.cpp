@@ -8,6 +8,11 @@
 
 namespace palpate {
 
+namespace {
+// Iterations kept downhill before the points are calmed one by one: enough for the ticks of a smooth motion.
+constexpr int downhill = 2;
+}  // namespace
+
 ContactSolver::ContactSolver(std::size_t capacity, std::size_t compliance_rows)
     : capacity_(capacity),
       block_(capacity, compliance_rows),
@@ -27,6 +32,7 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t compliance_rows)
       last_force_(capacity),
       last_change_(capacity),
       trial_(capacity),
+      share_(capacity),
       trial_force_(capacity) {
   for (Column& c : columns_) c.u.resize(capacity), c.force.resize(capacity), c.change.resize(capacity);
   std::fill_n(system_.data(), system_.size(), 0.0);  // touch every page now, not in the first ticks
@@ -53,7 +59,7 @@ void ContactSolver::linearise(std::span<const ContactPoint> points) noexcept {
       row[j] = system_[j * m + i] = c[0] * n[0] + c[1] * n[1] + c[2] * n[2];
     }
     row[i] *= 1 + 1e-9;  // a node held from two sides would make the system singular
-    rhs_[i] = a.gap - a.normal.dot(a.u);
+    rhs_[i] = a.gap / a.slope - a.normal.dot(a.u);
   }
 }
 
@@ -95,8 +101,9 @@ double ContactSolver::merit(std::span<const PlacedShape> shapes, std::span<const
   double energy = 0, inside = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     energy += 0.5 * trial_[i].dot(trial_force_[i]);
-    inside += std::max(
-        0.0, -shapes[static_cast<std::size_t>(points[i].instrument)].distance(points[i].rest + trial_[i]));
+    const double gap =
+        shapes[static_cast<std::size_t>(points[i].instrument)].distance(points[i].rest + trial_[i]);
+    inside += std::max(0.0, -gap) / points[i].slope;
   }
   return energy + penalty * inside;
 }
@@ -148,6 +155,25 @@ void ContactSolver::partial(std::span<const ContactPoint> points, double share) 
   }
 }
 
+// In a groove the force's direction turns within a fraction of what the tissue moves, and the proposals swing
+// from side to side, each node on its own. Each then goes a share of its own, by Aitken's estimate from its
+// last two swings. Irons, Tuck, "A version of the Aitken accelerator for computer iteration" (1969).
+void ContactSolver::calm(std::span<ContactPoint> points, bool first) noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec3 r = u_[i] - points[i].u, d = r - last_change_[i];
+    const bool swings = r.dot(last_change_[i]) < 0;
+    if (first)
+      share_[i] = 1;
+    else if (swings)
+      share_[i] = std::clamp(-share_[i] * last_change_[i].dot(d) / d.squaredNorm(), 0.02, 1.0);
+    else
+      share_[i] = std::min(1.0, 2 * share_[i]);
+    points[i].u += share_[i] * r;
+    points[i].force += share_[i] * (force_[i] - points[i].force);
+    last_change_[i] = r;
+  }
+}
+
 // Moves the points to where the merit is lower: the accelerated proposal, the proposal, or a share of the way
 // to it.
 void ContactSolver::advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
@@ -178,7 +204,7 @@ SolveResult ContactSolver::unilateral(const Compliance& compliance, std::span<co
     for (std::size_t i = 0; i < m; ++i) {
       ContactPoint& c = points[i];
       const Gap g = shapes[static_cast<std::size_t>(c.instrument)].gap(c.rest + c.u);
-      c.gap = g.distance, c.normal = g.normal;
+      c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
       if (result.relinearisations == 0 && c.gap < 0) active_[i] = 1;
     }
     ++result.relinearisations;
@@ -186,7 +212,8 @@ SolveResult ContactSolver::unilateral(const Compliance& compliance, std::span<co
     result.factorisations += s.factorisations;
     result.converged = s.factorisations > 0 && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total;
     if (!result.converged && result.relinearisations < limits.max_relinearisations)
-      advance(shapes, points, 1.5 * s.largest, history);
+      result.relinearisations <= downhill ? advance(shapes, points, 1.5 * s.largest, history)
+                                          : calm(points, result.relinearisations == downhill + 1);
   }
   for (std::size_t i = 0; i < m; ++i) {
     points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];

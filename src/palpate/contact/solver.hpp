@@ -24,6 +24,7 @@ struct ContactPoint {
   Vec3 u = Vec3::Zero();       // displacement, m: in, the last tick's; out, the solution's
   Vec3 normal = Vec3::Zero();  // direction of the force, unit
   double gap = 0;              // m, at rest + u
+  double slope = 1;            // of the gap along the normal
   double pressure = 0;         // N along the normal: in, the last tick's; out, the solution's
   Vec3 force = Vec3::Zero();   // N, on the organ
 };
@@ -76,6 +77,7 @@ class ContactSolver {
   void partial(std::span<const ContactPoint> points, double share) noexcept;
   void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
                History& history) noexcept;
+  void calm(std::span<ContactPoint> points, bool first) noexcept;
   void gather(const Compliance& compliance, std::span<ContactPoint> points) noexcept;
   void linearise(std::span<const ContactPoint> points) noexcept;
   void displace(std::span<const ContactPoint> points) noexcept;
@@ -91,7 +93,9 @@ class ContactSolver {
   std::vector<Index> rows_, slots_;
   std::vector<Vec3> u_, force_;  // of the points, proposed
   std::vector<Vec3> last_u_, last_force_, last_change_;
-  std::vector<Vec3> trial_, trial_force_;
+  std::vector<Vec3> trial_;
+  std::vector<double> share_;
+  std::vector<Vec3> trial_force_;
   std::array<Column, window> columns_;
 };
 

@@ -240,6 +240,50 @@ double Lattice::beyond(double d, double s) const noexcept {
   return std::max(s, std::sqrt(s * s + d * d) - std::min(s, std::sqrt(0.5) * grid_.h));
 }
 
+LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
+  const Box box = grid_.box();
+  const Vec3 inside = p.cwiseMax(box.min).cwiseMin(box.max);
+  const Vec3 x = (inside - grid_.origin) / grid_.h;
+  std::array<std::array<std::size_t, 3>, 3>
+      at;  // [axis][-1, 0, 1]: offsets of the three nearest grid points, the last one repeated beyond the box
+  std::array<std::array<double, 3>, 3> w, dw;  // their weights and the weights' derivatives
+  const std::array<std::size_t, 3> stride{
+      static_cast<std::size_t>(grid_.n[1]) * static_cast<std::size_t>(grid_.n[2]),
+      static_cast<std::size_t>(grid_.n[2]), 1};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const int last = grid_.n[a] - 1;
+    const double xa = x[static_cast<int>(a)];
+    const int nearest = xa > 0 ? std::min(static_cast<int>(xa + 0.5), last) : 0;  // 0 where p is no number
+    const double t = xa - nearest;
+    for (int k = 0; k < 3; ++k)
+      at[a][static_cast<std::size_t>(k)] =
+          stride[a] * static_cast<std::size_t>(std::clamp(nearest + k - 1, 0, last));
+    w[a] = {0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t)};
+    dw[a] = {t - 0.5, -2 * t, t + 0.5};
+  }
+  double d = 0;
+  Vec3 g = Vec3::Zero();
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j) {
+      const float* row = distance_.data() + at[0][i] + at[1][j];
+      double along = 0, dalong = 0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double v = static_cast<double>(row[at[2][k]]);
+        along += w[2][k] * v;
+        dalong += dw[2][k] * v;
+      }
+      d += w[0][i] * w[1][j] * along;
+      g += Vec3(dw[0][i] * w[1][j] * along, w[0][i] * dw[1][j] * along, w[0][i] * w[1][j] * dalong);
+    }
+  g /= grid_.h;
+  if (box.contains(p)) return {d, g};
+  const Vec3 out = p - inside;
+  const double away = out.norm();
+  const Vec3 direction = out + std::max(d, 0.0) * g;  // gradient of sqrt(away^2 + d^2), times it
+  if (direction.norm() > 0 && away < std::numeric_limits<double>::infinity()) g = direction.normalized();
+  return {beyond(d, away), g};
+}
+
 LatticeSample Lattice::sample(const Vec3& p) const noexcept {
   const Box box = grid_.box();
   const Corners corners(grid_, cell_at(grid_, p));

@@ -82,6 +82,12 @@ class Lattice {
   // interpolant's own gradient jumps between cells and makes Newton cycle. Outside the box it turns towards
   // the way from the box. Always of unit length; on the medial axis some corner's.
   LatticeSample sample(const Vec3& p) const noexcept;
+  // For contact: a distance whose own gradient is continuous and has no waves, so that a solver on it comes
+  // to rest: the quadratic B-spline with the samples as its coefficients (de Boor, A Practical Guide to
+  // Splines, 1978), over the 27 nearest grid points. Convex stays convex; off by h^2/8 times the sum of the
+  // principal curvatures (the trilinear one by as much), and rounds edges over a cell. The gradient is that
+  // of this distance, not normalised. Outside the box as sample().
+  LatticeSample smooth(const Vec3& p) const noexcept;
   void distance(std::span<const Vec3> points, std::span<double> out) const noexcept;
   void sample(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept;
   // Interpolated closest point, when the eight corners' lie within 2 h of each other and the lattice's own

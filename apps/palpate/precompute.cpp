@@ -1,0 +1,116 @@
+#include <fmt/ranges.h>
+
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "palpate/base/timer.hpp"
+#include "palpate/compliance/blas.hpp"
+#include "palpate/io/surface_file.hpp"
+#include "palpate/io/tet_file.hpp"
+#include "palpate/simulation/organ.hpp"
+#include "run.hpp"
+
+namespace palpate {
+
+namespace {
+
+// "10e3,0.45,1050"
+Material parse_material(const std::string& text, const std::string& whole) {
+  std::vector<double> values;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    double v = 0;
+    const auto [stop, status] = std::from_chars(text.data() + at, text.data() + end, v);
+    if (status != std::errc() || stop != text.data() + end)
+      values.clear(), at = text.size();
+    else
+      values.push_back(v);
+    at = std::max(at, end) + 1;
+  }
+  if (values.size() < 2 || values.size() > 3)
+    throw Error(
+        ErrorKind::usage,
+        "--material {}: say REGION=E,nu or REGION=E,nu,density (Pa, -, kg/m3), as in tissue=10e3,0.45",
+        whole);
+  Material m{values[0], values[1], values.size() > 2 ? values[2] : 1000.0};
+  require_valid(m, "--material " + whole);
+  return m;
+}
+
+std::vector<Material> parse_materials(const std::vector<std::string>& texts,
+                                      const std::vector<std::string>& regions) {
+  std::vector<Material> out(regions.size());
+  std::vector<bool> given(regions.size(), false);
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.find('=');
+    const std::string region = equals == std::string::npos ? "" : text.substr(0, equals);
+    const Material m = parse_material(text.substr(equals == std::string::npos ? 0 : equals + 1), text);
+    bool found = false;
+    for (std::size_t r = 0; r < regions.size(); ++r)
+      if (region.empty() || region == regions[r]) out[r] = m, given[r] = found = true;
+    if (!found)
+      throw Error(ErrorKind::usage, "--material {}: there is no region '{}'; the mesh has {}", text, region,
+                  fmt::join(regions, ", "));
+  }
+  for (std::size_t r = 0; r < regions.size(); ++r)
+    if (!given[r])
+      throw Error(ErrorKind::usage, "no material for region '{}'; add --material {}=10e3,0.45", regions[r],
+                  regions[r]);
+  return out;
+}
+
+}  // namespace
+
+void run_precompute(const PrecomputeOptions& options, const Console& console) {
+  const double unit = unit_in_metres(options.unit);
+  Timer timer = wall_timer();
+  TetFile file = read_tets(options.input, unit);
+  if (file.inverted)
+    throw Error(ErrorKind::geometry,
+                "{}: {} tetrahedra are inverted; repair the mesh (palpate info shows them)",
+                options.input.string(), file.inverted);
+  stage_line(console, "mesh",
+             fmt::format("{} nodes, {} tetrahedra, regions {}", file.mesh.nodes.size(), file.mesh.tets.size(),
+                         fmt::join(file.mesh.region_names, ", ")),
+             timer.seconds(), 0);
+  std::vector<Material> materials = parse_materials(options.materials, file.mesh.region_names);
+  std::vector<Anchor> anchors;
+  for (const std::string& text : options.anchors) anchors.push_back(parse_anchor(text, unit));
+
+  BakeReport r;
+  Organ organ;
+  {
+    const Progress progress = console.progress("precompute");
+    organ =
+        bake(std::move(file.mesh), std::move(materials), std::move(anchors), console.threads, progress, &r);
+  }
+  stage_line(console, "stiffness", fmt::format("{} unknowns", 3 * r.nodes), r.assemble_seconds, 0);
+  stage_line(console, "factor",
+             fmt::format("{} entries of L, ordered in {}", r.factor_entries, human_time(r.order_seconds)),
+             r.factor_seconds, 8 * r.factor_entries);
+  stage_line(console, "compliance",
+             fmt::format("{} of {} surface nodes are free; {}", r.free_surface_nodes, r.surface_nodes,
+                         organ.compliance.storage()),
+             r.sweep_seconds, organ.compliance.bytes());
+  timer = wall_timer();
+  write_organ(options.output, organ,
+              fmt::format("palpate {} precompute {}", PALPATE_VERSION, options.input.filename().string()),
+              console.progress("write"));
+  stage_line(console, "model", options.output.string(), timer.seconds(),
+             std::filesystem::file_size(options.output));
+  console.object({{"model", options.output.string()},
+                  {"nodes", r.nodes},
+                  {"tets", r.tets},
+                  {"surface_nodes", r.surface_nodes},
+                  {"free_surface_nodes", r.free_surface_nodes},
+                  {"factor_entries", r.factor_entries},
+                  {"assemble_s", r.assemble_seconds},
+                  {"order_s", r.order_seconds},
+                  {"factor_s", r.factor_seconds},
+                  {"sweep_s", r.sweep_seconds},
+                  {"bytes", std::filesystem::file_size(options.output)},
+                  {"peak_memory_bytes", peak_resident_bytes()}});
+}
+
+}  // namespace palpate

@@ -1,0 +1,114 @@
+#include "run.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/base/timer.hpp"
+#include "palpate/picture/picture.hpp"
+
+namespace palpate {
+
+namespace {
+
+constexpr std::size_t tiles = 12;
+
+// What a picture needs of a step, kept until the largest displacement of the run is known.
+struct Shot {
+  double time = 0;
+  double force = 0;
+  std::vector<Vec3> vertices;                  // deformed organ, world
+  std::vector<float> millimetres;              // displacement of each
+  std::vector<std::vector<Vec3>> instruments;  // vertices, world
+};
+
+Shot take_shot(const Model& model, const State& state, const Input& input) {
+  Shot shot;
+  shot.time = input.time;
+  for (const Wrench& w : state.wrenches) shot.force = std::max(shot.force, w.force.norm());
+  for (std::size_t i = 0; i < model.organ.surface_size(); ++i) {
+    shot.vertices.push_back(deformed(model, state, static_cast<Index>(i)));
+    shot.millimetres.push_back(1e3f * state.displacement[i].norm());
+  }
+  for (std::size_t i = 0; i < model.instruments.size(); ++i) {
+    shot.instruments.emplace_back();
+    for (const Vec3& v : model.instruments[i].surface.vertices)
+      shot.instruments.back().push_back(input.instruments[i] * v);
+  }
+  return shot;
+}
+
+// 1, 2 or 5 times a power of ten at or above x: a legend that ends on a round number.
+double round_up(double x) {
+  if (!(x > 0)) return 1;
+  const double power = std::pow(10, std::floor(std::log10(x)));
+  for (const double m : {1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0})
+    if (m * power >= x * (1 - 1e-9)) return m * power;
+  return 10 * power;
+}
+
+void draw(const Scene& scene, const std::vector<Shot>& shots, const RunOptions& options) {
+  Box box;
+  float most = 0;
+  for (const Shot& s : shots) {
+    box.add(bounding_box(s.vertices));
+    for (const float mm : s.millimetres) most = std::max(most, mm);
+  }
+  const double top = round_up(most);
+  const Vec3 above = 0.4 * box.diagonal() * options.up.normalized();  // room for the instrument
+  const Vec3 corner = above.cwiseMax(0.0), floor = above.cwiseMin(0.0);
+  const Camera camera = frame_box({box.min + floor, box.max + corner}, options.view, options.up);
+  Painter painter(480, 480);
+  std::vector<Tile> sheet;
+  for (const Shot& s : shots) {
+    std::vector<DrawnMesh> meshes(1);
+    meshes[0].vertices = s.vertices;
+    meshes[0].triangles = scene.model.organ.surface.triangles;
+    meshes[0].values = s.millimetres;
+    for (std::size_t i = 0; i < s.instruments.size(); ++i) {
+      DrawnMesh mesh;
+      mesh.vertices = s.instruments[i];
+      mesh.triangles = scene.model.instruments[i].surface.triangles;
+      meshes.push_back(mesh);
+    }
+    const float largest =
+        s.millimetres.empty() ? 0 : *std::max_element(s.millimetres.begin(), s.millimetres.end());
+    sheet.push_back({painter.draw(meshes, camera, 0, top),
+                     fmt::format("{:.2f} s   {:.1f} mm   {:.2f} N", s.time, largest, s.force)});
+  }
+  write_png(options.folder / "contact_sheet.png",
+            contact_sheet(sheet, 4, options.title, "displacement, mm", 0, top));
+}
+
+}  // namespace
+
+void stage_line(const Console& console, const std::string& name, const std::string& what, double seconds,
+                std::size_t bytes) {
+  console.line(fmt::format("{:<11} {:<62} {:>9} {:>10}  ({} in use)", name, what, human_time(seconds),
+                           bytes ? human_bytes(bytes) : "", human_bytes(resident_bytes())));
+}
+
+RunSummary run_scene(const Scene& scene, const RunOptions& options, const Console& console) {
+  State state = make_state(scene.model);
+  Recorder recorder(options.folder, scene.model, options.every);
+  std::vector<Shot> shots;
+  {
+    const Progress progress = console.progress("simulate");
+    const double start = scene.motion.motion.times.front();
+    for (std::size_t k = 0; k < scene.steps; ++k) {
+      const Input input = input_at(scene.motion, start + static_cast<double>(k) * scene.dt);
+      step(scene.model, state, input);
+      recorder.add(k, input, state);
+      // The first shot half a tile in: the sheet then shows the middle of each twelfth of the run.
+      if (options.pictures && k == (2 * shots.size() + 1) * scene.steps / (2 * tiles))
+        shots.push_back(take_shot(scene.model, state, input));
+      progress.at(static_cast<double>(k + 1) / static_cast<double>(scene.steps));
+    }
+  }
+  const RunSummary summary = recorder.finish();
+  if (options.pictures && !shots.empty()) draw(scene, shots, options);
+  return summary;
+}
+
+}  // namespace palpate

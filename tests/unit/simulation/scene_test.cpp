@@ -1,0 +1,137 @@
+#include "palpate/simulation/scene.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "fixtures.hpp"
+#include "palpate/base/error.hpp"
+#include "palpate/simulation/record.hpp"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SceneFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("palpate_scene_" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+    write_organ(folder_ / "block.h5", block_organ(4), "test");
+    put("motion.csv", "time,ball.x,ball.y,ball.z\n0,0,0,140\n# a comment\n\n0.1,0,0,120\n0.2,10,0,140\n");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  void put(const std::string& name, const std::string& text) { std::ofstream(folder_ / name) << text; }
+  Scene read(const std::string& text) {
+    put("scene.toml", text);
+    return read_scene(folder_ / "scene.toml", 1);
+  }
+  std::string error(const std::string& text) {
+    try {
+      read(text);
+    } catch (const Error& e) {
+      return std::to_string(static_cast<int>(e.kind())) + " " + e.what();
+    }
+    return "none";
+  }
+  fs::path folder_;
+};
+
+const std::string good =
+    "[organ]\nmodel = \"block.h5\"\n[[instrument]]\nname = \"ball\"\nsphere = \"30 mm\"\n"
+    "[motion]\nfile = \"motion.csv\"\nunit = \"mm\"\ndt = \"1 ms\"\n[settings]\nmode = \"unilateral\"\n";
+
+TEST_F(SceneFile, RunsFromFileToFolder) {
+  const Scene scene = read(good);
+  EXPECT_EQ(scene.steps, 201u);
+  EXPECT_EQ(scene.dt, 0.001);
+  EXPECT_EQ(std::get<Sphere>(scene.model.instruments[0].shape).radius, 0.03);
+  State state = make_state(scene.model);
+  Recorder recorder(folder_ / "out", scene.model, 100);
+  for (std::size_t k = 0; k < scene.steps; ++k) {
+    const Input input = input_at(scene.motion, 0.001 * static_cast<double>(k));
+    step(scene.model, state, input);
+    recorder.add(k, input, state);
+  }
+  const RunSummary summary = recorder.finish();
+  EXPECT_EQ(summary.steps, 201u);
+  EXPECT_EQ(summary.not_converged, 0u);
+  EXPECT_NEAR(summary.deepest_before, 0.01, 1e-9);
+  EXPECT_NEAR(summary.peak_time, 0.1, 1e-9);
+  EXPECT_GT(summary.peak_direction.z(), 0.95);  // the block's tetrahedra are not symmetric
+  for (const char* name :
+       {"frames.pvd", "forces.csv", "summary.json", "frames/frame000000.vtu", "frames/frame000200.vtu"})
+    EXPECT_TRUE(fs::exists(folder_ / "out" / name)) << name;
+  std::ifstream forces(folder_ / "out" / "forces.csv");
+  std::size_t lines = 0;
+  for (std::string line; std::getline(forces, line);) ++lines;
+  EXPECT_EQ(lines, 202u);
+}
+
+TEST_F(SceneFile, MotionIsInterpolatedAndHeldAtItsEnds) {
+  const MotionFile motion = read_motion(folder_ / "motion.csv", {"ball"}, 1e-3);
+  EXPECT_LT((input_at(motion, -1).instruments[0].translation - Vec3(0, 0, 0.14)).norm(), 1e-15);
+  EXPECT_LT((input_at(motion, 0.05).instruments[0].translation - Vec3(0, 0, 0.13)).norm(), 1e-15);
+  EXPECT_LT((input_at(motion, 0.15).instruments[0].translation - Vec3(0.005, 0, 0.13)).norm(), 1e-15);
+  EXPECT_LT((input_at(motion, 9).instruments[0].translation - Vec3(0.01, 0, 0.14)).norm(), 1e-15);
+  MotionFile turned = motion;
+  turned.motion.poses[1][0].rotation = Eigen::AngleAxisd(0.8, Vec3::UnitY());
+  turned.organ[2].translation.x() = 7;
+  write_motion(folder_ / "again.csv", turned, {"ball"});
+  const MotionFile again = read_motion(folder_ / "again.csv", {"ball"});
+  ASSERT_EQ(again.motion.times, turned.motion.times);
+  EXPECT_LT((again.motion.poses[1][0].rotation.coeffs() - turned.motion.poses[1][0].rotation.coeffs()).norm(),
+            1e-15);
+  EXPECT_EQ(again.organ[2].translation.x(), 7);
+  EXPECT_NEAR(Eigen::AngleAxisd(input_at(again, 0.05).instruments[0].rotation).angle(), 0.4, 1e-12);
+}
+
+TEST_F(SceneFile, EveryMistakeIsOneClearLine) {
+  const auto replaced = [](const std::string& from, const std::string& to) {
+    std::string text = good;
+    text.replace(text.find(from), from.size(), to);
+    return text;
+  };
+  EXPECT_EQ(error(good), "none");
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"", "motion"},
+      {"not toml at all [", "scene.toml:1"},
+      {replaced("sphere", "spere"), "say surface, lattice, sphere"},
+      {replaced("30 mm", "30 parsec"), "scene.toml:5: instrument.sphere"},
+      {replaced("30 mm", "-30 mm"), "above zero"},
+      {replaced("30 mm", "300000 mm"), "check unit and scale"},
+      {replaced("block.h5", "nothing.h5"), "nothing.h5"},
+      {replaced("block.h5", "motion.csv"), "motion.csv"},
+      {replaced("unilateral", "bilateral"), "prescribed"},
+      {replaced("1 ms", "0 ms"), "above zero"},
+      {replaced("unit = \"mm\"", "unit = \"furlong\""), "furlong"},
+      {replaced("name = \"ball\"", "name = \"organ\""), "taken"},
+      {replaced("[settings]", "[settings]\ncolour = 3"), "unknown"},
+      {replaced("model = \"block.h5\"", "surface = \"motion.csv\""), "motion.csv"},
+  };
+  for (const auto& [text, expected] : cases) {
+    const std::string message = error(text);
+    EXPECT_NE(message.find(expected), std::string::npos) << "wanted '" << expected << "' in: " << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+  }
+  for (const auto& [csv, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"", "no poses"},
+           {"time,ball.x\n", "no poses"},
+           {"x,y\n0,0\n", "unknown"},
+           {"ball.x\n0\n", "no column 'time'"},
+           {"time,ball.x\n0,1\n0,2\n", "motion.csv:3"},
+           {"time,ball.x\n0,abc\n", "abc"},
+           {"time,ball.x\n0,nan\n", "nan"},
+           {"time,ball.x\n0\n", "1 values"},
+           {"time,ball.qw,ball.qx,ball.qy,ball.qz\n0,0,0,0,0\n", "quaternion"}}) {
+    put("motion.csv", csv);
+    const std::string message = error(good);
+    EXPECT_NE(message.find(expected), std::string::npos) << "wanted '" << expected << "' in: " << message;
+  }
+}
+
+}  // namespace
+}  // namespace palpate
