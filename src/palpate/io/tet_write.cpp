@@ -110,9 +110,19 @@ std::string percent_encoded(const std::string& text) {
 void write_vtk_legacy(const fs::path& path, const TetMesh& mesh) {
   AtomicFile file(path);
   Text out(file);
-  out.add("# vtk DataFile Version 3.0\ntetrahedra\nASCII\nDATASET UNSTRUCTURED_GRID\n");
-  out.add("FIELD FieldData 1\nregion_names 1 {} string\n", mesh.region_names.size());
-  for (const std::string& name : mesh.region_names) out.add("{}\n", percent_encoded(name));
+  // Names of regions go into the title where they fit: not all readers take the field of strings.
+  std::string title = "regions:";
+  bool fits = true;
+  for (const std::string& name : mesh.region_names) {
+    title += ' ';
+    title += percent_encoded(name);
+    fits = fits && !name.empty() && title.size() < 256;
+  }
+  out.add("# vtk DataFile Version 3.0\n{}\nASCII\nDATASET UNSTRUCTURED_GRID\n", fits ? title : "tetrahedra");
+  if (!fits) {
+    out.add("FIELD FieldData 1\nregion_names 1 {} string\n", mesh.region_names.size());
+    for (const std::string& name : mesh.region_names) out.add("{}\n", percent_encoded(name));
+  }
   out.add("POINTS {} double\n", mesh.nodes.size());
   for (const Vec3& p : mesh.nodes) out.add(p, "\n");
   out.add("CELLS {} {}\n", mesh.tets.size(), 5 * mesh.tets.size());

@@ -66,7 +66,9 @@ class LegacyReader {
     const std::vector<std::string> first = words_of(in_.line());
     Scanner version({}, first.back());
     newer_cells_ = first.size() == 5 && version.number() >= 5;
-    in_.line();  // title
+    const std::vector<std::string> title = words_of(in_.line());
+    if (!title.empty() && title[0] == "regions:")
+      for (std::size_t i = 1; i < title.size(); ++i) names_.push_back(decoded(title[i]));
     const std::string kind(in_.word());
     in_.line();
     binary_ = kind == "BINARY";

@@ -73,9 +73,11 @@ constexpr const char* vtk_type() {
 
 // The header (bytes that follow) and the data are one base64 text when nothing is compressed.
 template <class T>
-void data_array(AtomicFile& file, const std::string& name, int components, const T* data, std::size_t size) {
-  file.write(fmt::format("<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"binary\">\n",
-                         vtk_type<T>(), escaped(name), components));
+void data_array(AtomicFile& file, const std::string& name, int components, const T* data, std::size_t size,
+                const std::string& more = {}) {
+  file.write(
+      fmt::format("<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\"{} format=\"binary\">\n",
+                  vtk_type<T>(), escaped(name), components, more));
   Base64 text(file);
   const std::uint64_t bytes = size * sizeof(T);
   text.add(&bytes, sizeof bytes);
@@ -97,18 +99,17 @@ void fields(AtomicFile& file, const char* tag, const std::vector<VtuField>& list
   file.write(fmt::format("</{}>\n", tag));
 }
 
-// VTK writes strings as the codes of their characters, each string ended by a zero.
+// The characters' codes, each name ended by a zero: VTK has strings, but not all readers of its files do.
 void region_names(AtomicFile& file, const std::vector<std::string>& names) {
-  file.write(
-      fmt::format("<FieldData>\n<DataArray type=\"String\" Name=\"region_names\" "
-                  "NumberOfTuples=\"{}\" format=\"ascii\">\n",
-                  names.size()));
+  std::vector<std::uint8_t> codes;
   for (const std::string& name : names) {
-    std::string codes;
-    for (const char c : name) codes += fmt::format("{} ", static_cast<unsigned char>(c));
-    file.write(codes + "0\n");
+    codes.insert(codes.end(), name.begin(), name.end());
+    codes.push_back(0);
   }
-  file.write("</DataArray>\n</FieldData>\n");
+  file.write("<FieldData>\n");
+  data_array(file, "region_names", 1, codes.data(), codes.size(),
+             fmt::format(" NumberOfTuples=\"{}\"", codes.size()));
+  file.write("</FieldData>\n");
 }
 
 template <std::size_t corners>
