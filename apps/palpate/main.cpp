@@ -7,24 +7,21 @@
 
 #include "commands.hpp"
 #include "palpate/base/error.hpp"
-#if PALPATE_HAS_precompute
 #include "palpate/compliance/blas.hpp"
-#endif
 
 namespace palpate {
 namespace {
 
 // A subcommand with its help, an example at the foot, and what it runs.
-[[maybe_unused]] CLI::App* command(CLI::App& app, const std::string& name, const std::string& help,
-                                   const std::string& example) {
+CLI::App* command(CLI::App& app, const std::string& name, const std::string& help,
+                  const std::string& example) {
   CLI::App* sub = app.add_subcommand(name, help);
   sub->footer("Example:\n  " + example);
   return sub;
 }
 
-[[maybe_unused]] const std::string unit_help = "unit of the file's lengths: m, cm, mm, um, in, ft";
+const std::string unit_help = "unit of the file's lengths: m, cm, mm, um, in, ft";
 
-#if PALPATE_HAS_lattice
 void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
   CLI::App* c = command(app, "lattice", "Turn a surface into a lattice of exact signed distances.",
                         "palpate lattice bishop.iv --unit m --subdivisions 40 -o bishop.h5");
@@ -41,9 +38,7 @@ void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
       ->capture_default_str();
   c->callback([&] { run_lattice(o, console); });
 }
-#endif
 
-#if PALPATE_HAS_pad
 void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
   CLI::App* c = command(app, "pad", "Fill a closed surface with tetrahedra.",
                         "palpate pad kidney.stl --unit mm --region stone=stone.stl -o kidney.vtu");
@@ -59,9 +54,7 @@ void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
   c->add_flag("!--uniform", o.grade, "do not let the tetrahedra grow with depth");
   c->callback([&] { run_pad(o, console); });
 }
-#endif
 
-#if PALPATE_HAS_precompute
 void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console) {
   CLI::App* c =
       command(app, "precompute",
@@ -78,12 +71,10 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
                 "ny nz | region NAME | nodes 1,2,3");
   c->callback([&] { run_precompute(o, console); });
 }
-#endif
 
-#if PALPATE_HAS_simulate
 void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
   CLI::App* c = command(app, "simulate", "Run a scene file and leave frames, forces and a summary.",
-                        "palpate simulate scenes/kidney.toml -o out/kidney");
+                        "palpate simulate out/demo/scene.toml -o out/again");
   c->add_option("scene", o.scene, "scene file (.toml, docs/scenes.md)")->required();
   c->add_option("-o,--output", o.output, "folder to write")->required();
   c->add_option("--steps", o.steps, "stop after so many steps (default: to the end of the motion)");
@@ -91,9 +82,7 @@ void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
   c->add_flag("!--no-pictures", o.pictures, "no contact sheet");
   c->callback([&] { run_simulate(o, console); });
 }
-#endif
 
-#if PALPATE_HAS_info
 void add_info(CLI::App& app, InfoOptions& o, const Console& console) {
   CLI::App* c = command(app, "info", "Say what a file holds: surface, tetrahedra, lattice or model.",
                         "palpate info liver.obj --unit mm");
@@ -102,9 +91,7 @@ void add_info(CLI::App& app, InfoOptions& o, const Console& console) {
   c->add_flag("--verify", o.verify, "also compare all checksums");
   c->callback([&] { run_info(o, console); });
 }
-#endif
 
-#if PALPATE_HAS_convert
 void add_convert(CLI::App& app, ConvertOptions& o, const Console& console) {
   CLI::App* c =
       command(app, "convert", "Convert between mesh formats, models and the thesis' hand-over format.",
@@ -117,9 +104,7 @@ void add_convert(CLI::App& app, ConvertOptions& o, const Console& console) {
   c->add_option("--to-unit", o.to_unit, "unit of the lengths written")->capture_default_str();
   c->callback([&] { run_convert(o, console); });
 }
-#endif
 
-#if PALPATE_HAS_demo
 void add_demo(CLI::App& app, DemoOptions& o, const Console& console) {
   CLI::App* c = command(app, "demo", "A kidney with a stone, pressed by a chess bishop: the whole path.",
                         "palpate demo -o out/demo");
@@ -131,7 +116,6 @@ void add_demo(CLI::App& app, DemoOptions& o, const Console& console) {
   c->add_flag("!--no-pictures", o.pictures, "no contact sheet");
   c->callback([&] { run_demo(o, console); });
 }
-#endif
 
 int run(int argc, char** argv) {
   Console console;
@@ -146,34 +130,20 @@ int run(int argc, char** argv) {
       "Exit codes: 0 done, 1 internal, 2 usage, 3 file, 4 format, 5 geometry, 6 physics, 7 memory, 130 "
       "interrupted.\n"
       "palpate COMMAND --help shows an example.");
-#if PALPATE_HAS_lattice
   LatticeOptions lattice;
   add_lattice(app, lattice, console);
-#endif
-#if PALPATE_HAS_pad
   PadCommandOptions pad;
   add_pad(app, pad, console);
-#endif
-#if PALPATE_HAS_precompute
   PrecomputeOptions precompute;
   add_precompute(app, precompute, console);
-#endif
-#if PALPATE_HAS_simulate
   SimulateOptions simulate;
   add_simulate(app, simulate, console);
-#endif
-#if PALPATE_HAS_info
   InfoOptions info;
   add_info(app, info, console);
-#endif
-#if PALPATE_HAS_convert
   ConvertOptions convert;
   add_convert(app, convert, console);
-#endif
-#if PALPATE_HAS_demo
   DemoOptions demo;
   add_demo(app, demo, console);
-#endif
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -186,9 +156,7 @@ int run(int argc, char** argv) {
 }  // namespace palpate
 
 int main(int argc, char** argv) {
-#if PALPATE_HAS_precompute
   palpate::set_up_blas();
-#endif
   palpate::catch_interrupts();
   try {
     return palpate::run(argc, argv);
