@@ -1,0 +1,139 @@
+// palpate pad: a closed surface in, tetrahedra out, and what they are worth.
+#include "palpate/pad/pad.hpp"
+
+#include <fmt/core.h>
+
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "palpate/base/timer.hpp"
+#include "palpate/io/surface_file.hpp"
+#include "palpate/io/tet_file.hpp"
+
+namespace palpate {
+
+namespace {
+
+using nlohmann::json;
+
+std::vector<NamedSurface> read_regions(const PadCommandOptions& o, double unit) {
+  std::vector<NamedSurface> inner;
+  for (const std::string& region : o.regions) {
+    const std::size_t equals = region.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == region.size())
+      throw Error(ErrorKind::usage, "--region {}: say NAME=FILE", region);
+    inner.push_back({region.substr(0, equals), read_surface(region.substr(equals + 1), unit).mesh});
+  }
+  return inner;
+}
+
+struct Region {
+  std::string name;
+  std::size_t tets = 0;
+  double volume = 0;  // m3
+};
+
+std::vector<Region> regions_of(const TetMesh& mesh) {
+  std::vector<Region> regions;
+  for (const std::string& name : mesh.region_names) regions.push_back({name});
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    Region& r = regions[static_cast<std::size_t>(mesh.regions[t])];
+    ++r.tets, r.volume += six_volume(mesh, mesh.tets[t]) / 6;
+  }
+  return regions;
+}
+
+std::string missing_line(const PadReport& r) {
+  if (r.missing_triangles == 0 && r.region_missing == 0) return "all triangles of the surfaces are faces";
+  std::string text = fmt::format("{} triangles of the surface", r.missing_triangles);
+  if (r.region_missing > 0) text += fmt::format(" and {} of the regions' surfaces", r.region_missing);
+  text += " are no faces";
+  for (std::size_t i = 0; i < std::min<std::size_t>(r.missing_at.size(), 3); ++i)
+    text += fmt::format("{} ({:.5g}, {:.5g}, {:.5g}) m", i == 0 ? ": near" : ",", r.missing_at[i].x(),
+                        r.missing_at[i].y(), r.missing_at[i].z());
+  return text + (r.missing_at.size() > 3 ? ", ...; see docs/pad.md" : "; see docs/pad.md");
+}
+
+json as_json(const PadReport& r, const std::vector<Region>& regions) {
+  const TetQuality& q = r.quality;
+  json object{{"interior_nodes", r.interior_points},
+              {"spacing_m", r.spacing},
+              {"turned_over", r.flipped},
+              {"removed_outside", r.removed_outside},
+              {"recovered_edges", r.recovered_edges},
+              {"slivers_removed", r.slivers_removed},
+              {"missing_triangles", r.missing_triangles},
+              {"missing_at_m", json::array()},
+              {"region_triangles_missing", r.region_missing},
+              {"volume_m3", q.volume},
+              {"min_dihedral_deg", q.min_dihedral},
+              {"max_dihedral_deg", q.max_dihedral},
+              {"slivers", q.slivers},
+              {"regions", json::array()}};
+  for (const Vec3& p : r.missing_at) object["missing_at_m"].push_back({p.x(), p.y(), p.z()});
+  for (const Region& g : regions)
+    object["regions"].push_back({{"name", g.name}, {"tets", g.tets}, {"volume_m3", g.volume}});
+  return object;
+}
+
+void show(const PadCommandOptions& o, const SurfaceFile& file, const Padded& padded, double seconds,
+          const Console& console) {
+  const PadReport& r = padded.report;
+  const std::vector<Region> regions = regions_of(padded.mesh);
+  const auto line = [&](const char* name, const std::string& text) {
+    console.line(fmt::format("{:<10}{}", name, text));
+  };
+  line("surface",
+       fmt::format("{} triangles, {} vertices{}", file.mesh.triangles.size(), file.mesh.vertices.size(),
+                   r.flipped ? "; it faced inwards and was turned over" : ""));
+  line("nodes", fmt::format("{}: {} interior, {:.4g} m apart near the surface{}", padded.mesh.nodes.size(),
+                            r.interior_points, r.spacing, o.grade ? ", more with depth" : ""));
+  line("tets", fmt::format("{}, {:.6g} m3; {} outside removed", padded.mesh.tets.size(), r.quality.volume,
+                           r.removed_outside));
+  for (const Region& g : regions)
+    line("region", fmt::format("{}: {} tetrahedra, {:.6g} m3", g.name, g.tets, g.volume));
+  line("quality",
+       fmt::format("dihedral angles {:.1f} to {:.1f} degrees, {} slivers (below 5){}", r.quality.min_dihedral,
+                   r.quality.max_dihedral, r.quality.slivers,
+                   r.slivers_removed ? fmt::format(", {} flat ones peeled off", r.slivers_removed) : ""));
+  line("boundary", missing_line(r));
+  line("time", fmt::format("{}, peak memory {}", human_time(seconds), human_bytes(peak_resident_bytes())));
+  line("written", o.output.string());
+  json object = as_json(r, regions);
+  object.update({{"input", o.input.string()},
+                 {"output", o.output.string()},
+                 {"format", file.format},
+                 {"surface_triangles", file.mesh.triangles.size()},
+                 {"surface_vertices", file.mesh.vertices.size()},
+                 {"nodes", padded.mesh.nodes.size()},
+                 {"tets", padded.mesh.tets.size()},
+                 {"seconds", seconds},
+                 {"peak_memory_bytes", peak_resident_bytes()}});
+  console.object(object);
+}
+
+}  // namespace
+
+void run_pad(const PadCommandOptions& options, const Console& console) {
+  const double unit = unit_in_metres(options.unit);
+  const SurfaceFile file = read_surface(options.input, unit);
+  PadOptions pad;
+  pad.spacing = options.spacing * unit;
+  pad.grade = options.grade;
+  pad.name = options.name;
+  const std::vector<NamedSurface> inner = read_regions(options, unit);
+  const Timer timer = wall_timer();
+  Padded padded = [&] {
+    try {
+      return pad_delaunay(file.mesh, inner, pad, console.progress("padding"));
+    } catch (const Error& e) {
+      if (e.kind() == ErrorKind::interrupted) throw;
+      throw Error(e.kind(), "{}: {}", options.input.string(), e.what());
+    }
+  }();
+  const double seconds = timer.seconds();
+  write_tets(options.output, padded.mesh);
+  show(options, file, padded, seconds, console);
+}
+
+}  // namespace palpate
