@@ -30,6 +30,8 @@ constexpr std::size_t slab = 1 << 20;  // bytes read or written at once: stays i
 class Hdf5 {
  public:
   Hdf5() : lock_(mutex()) {
+    // At exit libhdf5 would close what could not be closed before, and crash. Before any other call.
+    [[maybe_unused]] static const bool once = H5dont_atexit() >= 0;
     H5Eget_auto2(H5E_DEFAULT, &handler_, &data_);
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   }
