@@ -192,6 +192,11 @@ void Facts::print(const Console& console) const {
 void run_info(const InfoOptions& options, const Console& console) {
   const std::string kind = container_kind(options.input);
   if (!kind.empty()) return info_container(options, kind, console);
+  const std::string extension = options.input.extension().string();
+  if (extension == ".txt" || extension == ".lattice") return info_container(options, "lattice", console);
+  if (extension == ".handover")
+    throw Error(ErrorKind::usage, "{}: convert it to .h5 first: palpate convert {} model.h5",
+                options.input.string(), options.input.string());
   if (is_label_file(options.input)) return info_labels(options, console);
   if (is_tet_file(options.input)) return info_tets(options, console);
   info_surface(options, console);

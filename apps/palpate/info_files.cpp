@@ -46,6 +46,18 @@ void info_lattice(const InfoOptions& options, Facts& facts) {
   facts.object["distance_m"] = {*least, *most};
 }
 
+// The thesis' text.
+void info_text_lattice(const InfoOptions& options, Facts& facts) {
+  const LatticeSamples samples = read_lattice(options.input).samples;
+  const Grid& grid = samples.grid;
+  const auto [least, most] = std::minmax_element(samples.distance.begin(), samples.distance.end());
+  facts.add("lattice", fmt::format("{} x {} x {} points, {:.5g} mm apart, text", grid.n[0], grid.n[1],
+                                   grid.n[2], 1e3 * grid.h));
+  facts.add_box(grid.box(), "");
+  facts.add("distances", fmt::format("{:.5g} to {:.5g} mm", 1e3 * *least, 1e3 * *most));
+  facts.object.update({{"points", grid.n}, {"spacing_m", grid.h}, {"distance_m", {*least, *most}}});
+}
+
 void info_model(const InfoOptions& options, Facts& facts, const Console& console) {
   const ContainerReader in(options.input, "model", any_version);
   const std::vector<Index> row_of = in.vector<Index>("surface/rows");
@@ -95,7 +107,9 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
 
 void info_container(const InfoOptions& options, const std::string& kind, const Console& console) {
   Facts facts(options.input, kind);
-  if (kind == "lattice")
+  if (kind == "lattice" && container_kind(options.input).empty())
+    info_text_lattice(options, facts);
+  else if (kind == "lattice")
     info_lattice(options, facts);
   else if (kind == "model")
     info_model(options, facts, console);

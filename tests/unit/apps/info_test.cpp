@@ -66,7 +66,7 @@ TEST_F(Info, FailsWithOneLineAndACode) {
   };
   for (const Case& c : {Case{"a.obj", "", 4, "line 9: there is no vertex 9"},
                         Case{"a.xyz", "", 4, "no surface format"}, Case{"none.stl", "", 3, "none.stl"},
-                        Case{".", "", 3, "folder"}, Case{"a.obj", "--unit parsec", 2, "parsec"}}) {
+                        Case{".", "", 3, "regular file"}, Case{"a.obj", "--unit parsec", 2, "parsec"}}) {
     const Ran run = (*this)(c.file, c.options);
     EXPECT_EQ(run.exit_code, c.code) << c.file;
     EXPECT_NE(run.output.find(c.why), std::string::npos) << run.output;
