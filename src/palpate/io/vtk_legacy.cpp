@@ -64,6 +64,7 @@ class LegacyReader {
  private:
   void header() {
     const std::vector<std::string> first = words_of(in_.line());
+    if (first.empty()) in_.fail("expected \"# vtk DataFile Version\", found an empty line");
     Scanner version({}, first.back());
     newer_cells_ = first.size() == 5 && version.number() >= 5;
     const std::vector<std::string> title = words_of(in_.line());

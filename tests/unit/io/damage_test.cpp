@@ -50,5 +50,13 @@ TEST(Damage, OfWhatOthersLibrariesRead) {
   }
 }
 
+TEST(Damage, AsFoundByFuzzing) {
+  const TempFolder folder;
+  const std::pair<const char*, std::string> found[] = {
+      {"a.vtk", "\n vtk DataFile Version 5.1\n"},  // the version was looked for on an empty line
+  };
+  for (const auto& [name, bytes] : found) EXPECT_TRUE(survives(folder, name, bytes)) << bytes;
+}
+
 }  // namespace
 }  // namespace palpate
