@@ -9,6 +9,7 @@
 extern "C" {
 [[gnu::weak]] void gotoblas_dynamic_init(void);
 [[gnu::weak]] void gotoblas_dynamic_quit(void);
+[[gnu::weak]] int blas_thread_shutdown_(void);
 }
 
 namespace palpate {
@@ -43,6 +44,8 @@ void set_up_blas() {
     gotoblas_dynamic_init();
   }
   openblas_set_num_threads(1);
+  // Its own threads, which start with the library, would spin for a tenth of a second for nothing.
+  if (blas_thread_shutdown_) blas_thread_shutdown_();
 }
 
 std::string blas_core() { return openblas_get_corename(); }

@@ -25,7 +25,7 @@ struct Factored {
   std::vector<Index> child_begin, children;  // of each branch, ascending
   std::vector<Index> load_at;                // load (the caller's number) of each triple of ranks
   // Y^T in panels of panel_rows rows (the last has fewer), each column-major and as long as its longest path.
-  static constexpr std::size_t panel_rows = 960;
+  static constexpr std::size_t panel_rows = 1920;
   std::vector<std::size_t> panel_offset;
   HugeArray<Scalar> y;
 

@@ -1,6 +1,7 @@
 // C = Y^T Y as few large products: two loads share the part of their paths above the front where these meet,
 // so that a pair of subtrees is one product over the whole common path.
 #include <algorithm>
+#include <cstring>
 #include <numeric>
 
 #include "palpate/base/parallel_for.hpp"
@@ -14,6 +15,41 @@ namespace {
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 constexpr std::size_t small_subtree = 384;  // ranks up to which a subtree's square stays in cache
+
+template <class Scalar>
+void transpose(const Scalar* from, std::size_t leading, std::size_t rows, std::size_t columns, Scalar* to) {
+  for (std::size_t c = 0; c < columns; ++c)
+    for (std::size_t r = 0; r < rows; ++r) to[c * leading + r] = from[r * leading + c];
+}
+
+typedef float Four [[gnu::vector_size(16)]];
+
+Four load(const float* p) {
+  Four v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
+
+// By blocks of 4 x 4 in registers.
+void transpose(const float* from, std::size_t leading, std::size_t rows, std::size_t columns, float* to) {
+  const std::size_t r4 = rows & ~std::size_t{3}, c4 = columns & ~std::size_t{3};
+  for (std::size_t c = 0; c < c4; c += 4)
+    for (std::size_t r = 0; r < r4; r += 4) {
+      const float* p = from + r * leading + c;
+      const Four a = load(p), b = load(p + leading), d = load(p + 2 * leading), e = load(p + 3 * leading);
+      const Four ab = __builtin_shufflevector(a, b, 0, 4, 1, 5),
+                 de = __builtin_shufflevector(d, e, 0, 4, 1, 5);
+      const Four ab2 = __builtin_shufflevector(a, b, 2, 6, 3, 7),
+                 de2 = __builtin_shufflevector(d, e, 2, 6, 3, 7);
+      const Four columns_out[4] = {
+          __builtin_shufflevector(ab, de, 0, 1, 4, 5), __builtin_shufflevector(ab, de, 2, 3, 6, 7),
+          __builtin_shufflevector(ab2, de2, 0, 1, 4, 5), __builtin_shufflevector(ab2, de2, 2, 3, 6, 7)};
+      for (std::size_t k = 0; k < 4; ++k)
+        std::memcpy(to + (c + k) * leading + r, &columns_out[k], sizeof(Four));
+    }
+  transpose<float>(from + r4 * leading, leading, rows - r4, columns, to + r4);
+  transpose<float>(from + c4, leading, r4, columns - c4, to + c4 * leading);
+}
 
 // Rows begin .. end - 1 of C by columns left .. right - 1 at or below the diagonal.
 struct Task {
@@ -105,14 +141,17 @@ struct Product {
     mirror(t);
   }
 
-  // While the tile is still in cache.
+  // The other triangle, while the tile is still in cache.
   void mirror(const Task& t) const {
-    constexpr std::size_t step = 16;
+    constexpr std::size_t step = 64;
     for (std::size_t i = t.begin; i < t.end; i += step)
       for (std::size_t j = t.left; j < t.right; j += step) {
         const std::size_t ie = std::min(t.end, i + step), je = std::min(t.right, j + step);
-        for (std::size_t c = j; c < je; ++c)
-          for (std::size_t r = std::max(i, c + 1); r < ie; ++r) out[c * n + r] = out[r * n + c];
+        if (je <= i)
+          transpose(out + i * n + j, n, ie - i, je - j, out + j * n + i);
+        else
+          for (std::size_t c = j; c < je; ++c)
+            for (std::size_t r = std::max(i, c + 1); r < ie; ++r) out[c * n + r] = out[r * n + c];
       }
   }
 };
@@ -166,7 +205,7 @@ class Permutation {
   }
 
   void move(std::size_t p, const Scalar* saved) const {
-    std::vector<Scalar> start(3 * n_);  // old row of the first member of the cycle at hand
+    std::vector<Scalar> copy(n_ + 1), start(3 * n_);  // old row of the first member of the cycle at hand
     const std::size_t chain = chain_end(p), end = piece_end(p);
     for (std::size_t i = p * piece; i < end; ++i) {
       const Scalar* from = row(source(i));
@@ -177,13 +216,17 @@ class Permutation {
       else if (source(i) != moves_[i + 1])
         from = start.data();
       if (i > chain && source(i - 1) != moves_[i]) std::copy_n(row(moves_[i]), 3 * n_, start.data());
-      for (std::size_t a = 0; a < 3; ++a) gather(from + a * n_, row(moves_[i]) + a * n_);
+      for (std::size_t a = 0; a < 3; ++a) gather(from + a * n_, row(moves_[i]) + a * n_, copy.data());
     }
   }
 
-  void gather(const Scalar* from, Scalar* to) const {
-    for (std::size_t c = 0; c < from_.size(); ++c)
-      for (std::size_t a = 0; a < 3; ++a) to[3 * c + a] = from[3 * at(from_[c]) + a];
+  // By way of a copy, which streams. Four numbers are moved for three, the fourth to be overwritten by the
+  // next.
+  void gather(const Scalar* from, Scalar* to, Scalar* copy) const {
+    std::copy_n(from, n_, copy);
+    for (std::size_t c = 0; c + 1 < from_.size(); ++c)
+      std::memcpy(to + 3 * c, copy + 3 * at(from_[c]), 4 * sizeof(Scalar));
+    std::copy_n(copy + 3 * at(from_.back()), 3, to + n_ - 3);
   }
 
   Scalar* matrix_;

@@ -116,7 +116,7 @@ Groups supernodes(const std::vector<Index>& parent, const std::vector<Index>& co
 double allowed_zeros(std::span<const Relaxation> relaxation, Index nodes) {
   for (const Relaxation& r : relaxation)
     if (nodes <= r.nodes) return r.zeros;
-  return 0;
+  return -1;  // not even none
 }
 
 // Merges children into their parents where that costs few zeros; parents after children, as numbered.
@@ -217,7 +217,7 @@ void find_rows(const NodeGraph& graph, Symbolic& out) {
 }  // namespace
 
 std::span<const Relaxation> default_relaxation() {
-  static constexpr Relaxation values[] = {{4, 0.8}, {16, 0.1}, {std::numeric_limits<Index>::max(), 0.05}};
+  static constexpr Relaxation values[] = {{8, 0.5}, {16, 0.2}};
   return values;
 }
 

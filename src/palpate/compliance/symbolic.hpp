@@ -12,7 +12,9 @@
 namespace palpate {
 
 // Fronts with this much padding are merged into their parents: fewer, larger dense blocks against more zeros
-// in them. A front of at most `nodes` nodes may consist of zeros to at most this part. In order of `nodes`.
+// in them. A front of at most `nodes` nodes may consist of zeros to at most this part; in order of `nodes`.
+// Larger ones are left alone: two large separators merged, even without a zero in L, are put below all the
+// loads of both, a third more work in the sweep.
 struct Relaxation {
   Index nodes;
   double zeros;
