@@ -15,10 +15,9 @@ std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // A pivot this small against its diagonal entry is rounding noise: the body can still move freely.
 constexpr double smallest_pivot = 1e-13;
-constexpr std::size_t tile = 512;       // of large fronts, rows and columns
-constexpr double large_front = 3e8;     // flops from which on a front is tiled
-constexpr double smallest_task = 1e7;   // flops below which a subtree is not split further
-constexpr std::size_t most_tasks = 64;  // subtrees given to threads
+constexpr std::size_t tile = 512;      // of large fronts, rows and columns
+constexpr double large_front = 3e8;    // flops from which on a front is tiled
+constexpr double smallest_task = 1e7;  // flops below which a subtree is not split further
 
 double flops(const Front& f) {
   const auto w = static_cast<double>(f.width()), b = static_cast<double>(f.below_rows());
@@ -53,7 +52,10 @@ struct Factorisation {
   std::vector<std::unique_ptr<double[]>> kept;  // memory of those that tasks hand over
 
   Factorisation(const Eigen::SparseMatrix<double>& a, Cholesky::Impl& i, int threads_, const Progress& p)
-      : matrix(a), impl(i), threads(threads_), progress(p, i.stats.factor_flops) {
+      : matrix(a),
+        impl(i),
+        threads(threads_ > 0 ? threads_ : default_threads()),
+        progress(p, i.stats.factor_flops) {
     const auto& fronts = impl.symbolic.fronts;
     odd.assign(fronts.size(), 0), is_task = odd;
     update.assign(fronts.size(), nullptr);
@@ -95,7 +97,8 @@ struct Factorisation {
     }
     const auto less = [&](Index a, Index b) { return work[at(a)] < work[at(b)]; };
     std::make_heap(roots.begin(), roots.end(), less);
-    while (!roots.empty() && roots.size() < most_tasks && work[at(roots.front())] > smallest_task) {
+    const std::size_t enough = threads > 1 ? 8 * at(threads) : 0;
+    while (!roots.empty() && roots.size() < enough && work[at(roots.front())] > smallest_task) {
       std::pop_heap(roots.begin(), roots.end(), less);
       const Index top = roots.back();
       roots.pop_back();
@@ -135,14 +138,16 @@ struct Factorisation {
                   std::size_t leading, std::size_t first) const {
     const auto place = impl.symbolic.place_of(child);
     const std::size_t n = child.below_rows();
-    for (std::size_t j = 3 * begin; j < 3 * end; ++j) {
-      double* target = to + (3 * at(place[j / 3]) + j % 3 - first) * leading;
-      const double* source = from + j * n;
-      for (std::size_t i = j / 3; i < place.size();) {  // runs of consecutive places
+    for (std::size_t j = begin; j < end; ++j) {
+      const double* source = from + 3 * j * n;
+      double* target = to + (3 * at(place[j]) - first) * leading;
+      for (std::size_t i = j; i < place.size();) {  // runs of consecutive places
         std::size_t last = i + 1;
         while (last < place.size() && place[last] == place[last - 1] + 1) ++last;
-        double* t = target + (3 * at(place[i]) - first);
-        for (std::size_t k = 0; k < 3 * (last - i); ++k) t[k] += source[3 * i + k];
+        const std::size_t shift = 3 * at(place[i]) - first, length = 3 * (last - i);
+        for (std::size_t a = 0; a < 3; ++a)
+          for (std::size_t k = 0; k < length; ++k)
+            target[a * leading + shift + k] += source[a * n + 3 * i + k];
         i = last;
       }
     }
