@@ -265,8 +265,12 @@ struct Factorisation {
 
 Cholesky::Cholesky(const Eigen::SparseMatrix<double>& matrix, const std::vector<Index>& order, int threads,
                    const Progress& progress)
+    : Cholesky(matrix, analyse(node_graph(matrix), order), threads, progress) {}
+
+Cholesky::Cholesky(const Eigen::SparseMatrix<double>& matrix, Symbolic symbolic, int threads,
+                   const Progress& progress)
     : impl_(std::make_unique<Impl>()) {
-  impl_->symbolic = analyse(node_graph(matrix), order);
+  impl_->symbolic = std::move(symbolic);
   impl_->stats.supernodes = impl_->symbolic.fronts.size();
   for (const Front& f : impl_->symbolic.fronts) {
     impl_->stats.factor_entries += f.height() * f.width() - f.width() * (f.width() - 1) / 2;

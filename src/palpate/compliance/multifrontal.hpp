@@ -1,7 +1,7 @@
 // Sparse Cholesky factorisation by fronts, and in the same sweep the compliance between chosen nodes: C =
 // (L^-1 P)^T (L^-1 P), with no backward solve, the right-hand sides pruned to the elimination tree. Duff,
 // Reid, "The multifrontal solution of indefinite sparse symmetric linear equations" (1983); Liu, "The
-// multifrontal method for sparse matrix solution: theory and practice" (1992);
+// multifrontal method for sparse matrix solution: theory and practice" (1992). docs/compliance.md.
 #pragma once
 
 #include <Eigen/SparseCore>
@@ -14,6 +14,8 @@
 #include "palpate/base/vec.hpp"
 
 namespace palpate {
+
+struct Symbolic;
 
 struct SymbolicStats {
   std::size_t supernodes = 0;
@@ -28,6 +30,9 @@ class Cholesky {
   // of the nodes, from nested_dissection. Throws Error(physics) on a non-positive pivot with its node in the
   // matrix's numbering and the likely causes.
   Cholesky(const Eigen::SparseMatrix<double>& matrix, const std::vector<Index>& order, int threads = 0,
+           const Progress& progress = {});
+  // With a structure that was found before (symbolic.hpp), as for other materials on the same mesh.
+  Cholesky(const Eigen::SparseMatrix<double>& matrix, Symbolic symbolic, int threads = 0,
            const Progress& progress = {});
   ~Cholesky();
   Cholesky(Cholesky&&) noexcept;
