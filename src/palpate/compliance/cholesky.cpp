@@ -160,10 +160,13 @@ struct Factorisation {
     for (std::size_t k = 0; k < (bad ? at(bad) - 1 : n); ++k)
       if (!(panel[k * m + k] * panel[k * m + k] > smallest_pivot * w.diagonal[k])) fail_at(f, k);
     if (bad) fail_at(f, at(bad) - 1);
+    double* inverse = impl.inverse.data() + dense::inverse_block * 3 * at(f.first);
+    dense::invert_blocks(n, panel, m, inverse);
     if (b == 0) return;
     const std::size_t step = flops(f) > large_front ? tile : b;
     parallel_for(b, step, threads, [&](std::size_t begin, std::size_t end) {
-      dense::solve_right(end - begin, n, panel, m, panel + n + begin, m);
+      std::vector<double> work((end - begin) * dense::inverse_block);
+      dense::solve_right(end - begin, n, panel, m, inverse, panel + n + begin, m, work.data());
     });
   }
 
@@ -229,13 +232,15 @@ struct Factorisation {
       std::fill(in_task.begin() + first_of[at(root)], in_task.begin() + root + 1, 1);
     }
     const std::size_t above = stack_need(0, fronts.size(), in_task);
-    const std::size_t bytes = sizeof(double) * (impl.symbolic.panel_entries + above + 2 * need);
+    const std::size_t inverses = dense::inverse_block * 3 * impl.symbolic.node_at.size();
+    const std::size_t bytes = sizeof(double) * (inverses + impl.symbolic.panel_entries + above + 2 * need);
     if (bytes > available_bytes())
       throw Error(ErrorKind::resource,
                   "factorising this stiffness needs {:.1f} GB, {:.1f} GB are free; use a "
                   "coarser mesh",
                   static_cast<double>(bytes) * 1e-9, static_cast<double>(available_bytes()) * 1e-9);
     impl.l = HugeArray<double>(impl.symbolic.panel_entries);
+    impl.inverse = HugeArray<double>(inverses);
 
     {
       Pool<Worker> workers;
@@ -298,7 +303,8 @@ void Cholesky::solve(std::span<double> b, std::size_t columns) const {
   for (const Front& f : sym.fronts) {
     double* y = x.data() + 3 * at(f.first) * columns;
     const double* panel = impl_->l.data() + f.panel;
-    dense::solve_right(columns, f.width(), panel, f.height(), y, columns);
+    part.resize(std::max(f.below_rows(), dense::inverse_block) * columns);
+    dense::solve_right(columns, f.width(), panel, f.height(), impl_->inverse_of(f), y, columns, part.data());
     part.resize(f.below_rows() * columns);
     if (part.empty()) continue;
     dense::multiply(columns, f.below_rows(), f.width(), 1.0, y, columns, panel + f.width(), f.height(), 0.0,

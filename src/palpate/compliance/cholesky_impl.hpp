@@ -7,6 +7,7 @@
 
 #include "palpate/base/huge_array.hpp"
 #include "palpate/base/progress.hpp"
+#include "palpate/compliance/dense.hpp"
 #include "palpate/compliance/multifrontal.hpp"
 #include "palpate/compliance/symbolic.hpp"
 
@@ -14,7 +15,11 @@ namespace palpate {
 
 struct Cholesky::Impl {
   Symbolic symbolic;
-  HugeArray<double> l;  // panels of the fronts; above the diagonal of a panel: anything
+  HugeArray<double> l;        // panels of the fronts; above the diagonal of a panel: anything
+  HugeArray<double> inverse;  // of the blocks on the diagonal (dense::invert_blocks)
+  const double* inverse_of(const Front& f) const {
+    return inverse.data() + dense::inverse_block * 3 * static_cast<std::size_t>(f.first);
+  }
   SymbolicStats stats;
 };
 

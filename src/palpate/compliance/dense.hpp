@@ -4,9 +4,13 @@
 
 #include <cblas.h>
 
+#include <algorithm>
 #include <cstddef>
 
-extern "C" void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+extern "C" {
+void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+void dtrtri_(const char* uplo, const char* diag, const int* n, double* a, const int* lda, int* info);
+}
 
 namespace palpate::dense {
 
@@ -19,16 +23,6 @@ inline int cholesky(Size n, double* a, Size lda) {
   int info = 0;
   dpotrf_("L", &order, a, &leading, &info);
   return info;
-}
-
-// X <- X L^-T: m x n, L n x n.
-inline void solve_right(Size m, Size n, const double* l, Size ldl, double* x, Size ldx) {
-  cblas_dtrsm(CblasColMajor, CblasRight, CblasLower, CblasTrans, CblasNonUnit, blas(m), blas(n), 1, l,
-              blas(ldl), x, blas(ldx));
-}
-inline void solve_right(Size m, Size n, const float* l, Size ldl, float* x, Size ldx) {
-  cblas_strsm(CblasColMajor, CblasRight, CblasLower, CblasTrans, CblasNonUnit, blas(m), blas(n), 1, l,
-              blas(ldl), x, blas(ldx));
 }
 
 // Y <- (Y - X B) L^-1: Y m x n, X m x b, the panel (n + b) x n holds L above B.
@@ -62,6 +56,34 @@ inline void square(bool lower, Size n, Size k, float alpha, const float* a, Size
                    Size ldc) {
   cblas_ssyrk(CblasColMajor, lower ? CblasLower : CblasUpper, CblasNoTrans, blas(n), blas(k), alpha, a,
               blas(lda), beta, c, blas(ldc));
+}
+
+// OpenBLAS' dtrsm from the right reaches a third of its dgemm. So the inverses of the diagonal's blocks are
+// kept, and all is dgemm: `inverse` holds the blocks of L one after the other, inverse_block x n numbers.
+constexpr Size inverse_block = 32;
+
+inline void invert_blocks(Size n, const double* l, Size ldl, double* inverse) {
+  for (Size c = 0; c < n; c += inverse_block) {
+    const int size = blas(std::min(inverse_block, n - c)), leading = blas(inverse_block);
+    double* block = inverse + c * inverse_block;
+    for (Size j = 0; j < static_cast<Size>(size); ++j)
+      for (Size i = 0; i < static_cast<Size>(size); ++i)
+        block[j * inverse_block + i] = i < j ? 0 : l[(c + j) * ldl + c + i];
+    int info = 0;
+    dtrtri_("L", "N", &size, block, &leading, &info);
+  }
+}
+
+// X <- X L^-T: X m x n; work: m x inverse_block.
+inline void solve_right(Size m, Size n, const double* l, Size ldl, const double* inverse, double* x, Size ldx,
+                        double* work) {
+  for (Size c = 0; c < n; c += inverse_block) {
+    const Size size = std::min(inverse_block, n - c), next = c + size;
+    multiply(m, size, size, 1.0, x + c * ldx, ldx, inverse + c * inverse_block, inverse_block, 0.0, work, m);
+    for (Size j = 0; j < size; ++j) std::copy_n(work + j * m, m, x + (c + j) * ldx);
+    if (next < n)
+      multiply(m, n - next, size, -1.0, x + c * ldx, ldx, l + c * ldl + next, ldl, 1.0, x + next * ldx, ldx);
+  }
 }
 
 }  // namespace palpate::dense

@@ -137,27 +137,13 @@ void make_panels(Factored<Scalar>& out) {
   out.y = HugeArray<Scalar>(total);
 }
 
-// L in the precision of the sweep.
-HugeArray<float> convert(const Cholesky::Impl& impl, const Factored<float>& f, int threads) {
-  HugeArray<float> l(impl.l.size());
-  parallel_for(f.branches.size(), 16, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b) {
-      const Front& front = impl.symbolic.fronts[at(f.branches[b].front)];
-      const double* from = impl.l.data() + front.panel;
-      float* to = l.data() + front.panel;
-      for (std::size_t i = 0; i < front.height() * front.width(); ++i) to[i] = static_cast<float>(from[i]);
-    }
-  });
-  return l;
-}
-
 // One group of ranks on its way to the root: Y <- L_pivots^-1 (loads + what the children left), and what is
 // left for the parent, W <- W - L_below Y, both transposed.
 template <class Scalar>
 struct Walk {
+  const Cholesky::Impl& impl;
   const Symbolic& sym;
   const Loads& loads;
-  const Scalar* l;
   Factored<Scalar>& out;
   std::vector<std::uint8_t> odd;  // depth of each branch
 
@@ -165,8 +151,9 @@ struct Walk {
     Worker(std::size_t nodes, std::size_t branches, std::size_t stack_size)
         : source(nodes), w(branches), stack(stack_size) {}
     std::vector<Index> source;  // row of a child that goes to a place of the front at hand, -1: none
-    std::vector<Scalar*> w;     // of each branch
-    TreeStack<Scalar> stack;
+    std::vector<double*> w;     // of each branch
+    TreeStack<double> stack;
+    std::vector<double> y, work;
   };
   struct Range {
     std::size_t begin, end;
@@ -191,12 +178,12 @@ struct Walk {
 
   // Copies (or zeros) of the ranks `range` of a child, or of own loads (child -1), into all rows of the
   // front.
-  void gather(std::size_t b, Index child, Range range, Range all, Scalar* y, Scalar* w,
+  void gather(std::size_t b, Index child, Range range, Range all, double* y, double* w,
               Worker& worker) const {
     if (range.size() == 0) return;
     const Front& f = front(b);
     const std::size_t pivots = at(f.pivots), nodes = pivots + at(f.below), n = range.size();
-    const std::size_t leading = out.leading(all.begin), shift = range.begin - all.begin;
+    const std::size_t shift = range.begin - all.begin;
     std::fill_n(worker.source.begin(), nodes, -1);
     if (child >= 0) {
       const auto place = sym.place_of(front(at(child)));
@@ -204,13 +191,13 @@ struct Walk {
     }
     for (std::size_t k = 0; k < nodes; ++k)
       for (std::size_t a = 0; a < 3; ++a) {
-        Scalar* to =
-            shift + (k < pivots ? y + (3 * k + a) * leading : w + (3 * (k - pivots) + a) * all.size());
+        double* to =
+            shift + (k < pivots ? y + (3 * k + a) * all.size() : w + (3 * (k - pivots) + a) * all.size());
         const Index i = worker.source[k];
         if (i >= 0)
-          std::memcpy(to, worker.w[at(child)] + (3 * at(i) + a) * n, n * sizeof(Scalar));
+          std::memcpy(to, worker.w[at(child)] + (3 * at(i) + a) * n, n * sizeof(double));
         else
-          std::memset(static_cast<void*>(to), 0, n * sizeof(Scalar));
+          std::memset(to, 0, n * sizeof(double));
       }
   }
 
@@ -219,18 +206,22 @@ struct Walk {
     const auto& branch = out.branches[b];
     const Front& f = front(b);
     const std::size_t k = all.size(), n = f.width(), m = f.height(), rest = f.below_rows();
-    const std::size_t leading = out.leading(all.begin);
-    Scalar* y = out.y.data() + out.index(all.begin, branch.depth);
-    Scalar* w = worker.w[b] = worker.stack.push(odd[b], k * rest);
+    worker.y.resize(k * n);
+    double* y = worker.y.data();
+    double* w = worker.w[b] = worker.stack.push(odd[b], k * rest);
     for (const Index c : out.children_of(b)) gather(b, c, part(at(c), group), all, y, w, worker);
     gather(b, -1, {std::max(all.begin, branch.own), all.end}, all, y, w, worker);
     for (std::size_t i = 0; i < at(f.pivots); ++i)
       for (std::size_t e = loads.begin[at(f.first) + i]; e < loads.begin[at(f.first) + i + 1]; ++e)
         if (const auto& entry = loads.entries[e]; entry.rank >= all.begin && entry.rank < all.end)
-          y[entry.rank - all.begin + (3 * i + entry.unknown) * leading] += static_cast<Scalar>(entry.value);
-    const Scalar* panel = l + f.panel;
-    dense::solve_right(k, n, panel, m, y, leading);
-    if (rest > 0) dense::multiply(k, rest, n, Scalar(-1), y, leading, panel + n, m, Scalar(1), w, k);
+          y[entry.rank - all.begin + (3 * i + entry.unknown) * k] += entry.value;
+    const double* panel = impl.l.data() + f.panel;
+    worker.work.resize(k * dense::inverse_block);
+    dense::solve_right(k, n, panel, m, impl.inverse_of(f), y, k, worker.work.data());
+    if (rest > 0) dense::multiply(k, rest, n, -1.0, y, k, panel + n, m, 1.0, w, k);
+    for (std::size_t i = 0; i < n; ++i)
+      std::transform(y + i * k, y + (i + 1) * k, out.y.data() + out.index(all.begin, branch.depth + i),
+                     [](double v) { return static_cast<Scalar>(v); });
     const auto children = out.children_of(b);
     for (std::size_t c = children.size(); c-- > 0;)
       worker.stack.pop(odd[at(children[c])], left(at(children[c]), group));
@@ -269,12 +260,7 @@ Factored<Scalar> factor_compliance(const Cholesky& cholesky, const Sparse& matri
   out.load_at = loads.order;
   make_branches(impl.symbolic, loads, out);
   make_panels(out);
-  if constexpr (std::is_same_v<Scalar, float>) {
-    const HugeArray<float> l = convert(impl, out, threads);
-    Walk<float>{impl.symbolic, loads, l.data(), out, {}}.run(threads, progress);
-  } else {
-    Walk<double>{impl.symbolic, loads, impl.l.data(), out, {}}.run(threads, progress);
-  }
+  Walk<Scalar>{impl, impl.symbolic, loads, out, {}}.run(threads, progress);
   return out;
 }
 

@@ -10,6 +10,10 @@
 
 namespace palpate {
 
+// Terms that are summed up before they are added to a result: a sum of parts of a sum loses less to rounding.
+// In float32, relative to sqrt(C_ii C_jj): 7e-7 at most, instead of 2.4e-6, for 3 % of the time.
+constexpr std::size_t part_of_sum = 64;
+
 // The columns are renumbered along the elimination ("rank"), so that those of a subtree are contiguous.
 // Y is stored transposed: one row a column of Y, and along it the path from the root downwards.
 template <class Scalar>

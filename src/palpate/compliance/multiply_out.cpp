@@ -119,8 +119,15 @@ struct Product {
 
   // Row-major lower is column-major upper. Path positions from .. to - 1 of ranks begin .. end - 1.
   void square(std::size_t begin, std::size_t end, std::size_t from, std::size_t to, Scalar beta) const {
-    dense::square(false, end - begin, to - from, Scalar(1), row(begin, from), y.leading(begin), beta,
-                  out + begin * n + begin, n);
+    for (std::size_t k = from; k < to; k += part_of_sum, beta = 1)
+      dense::square(false, end - begin, std::min(part_of_sum, to - k), Scalar(1), row(begin, k),
+                    y.leading(begin), beta, out + begin * n + begin, n);
+  }
+  void rectangle(const Task& t) const {
+    for (std::size_t k = 0; k < t.path; k += part_of_sum)
+      dense::multiply(t.right - t.left, t.end - t.begin, std::min(part_of_sum, t.path - k), Scalar(1),
+                      row(t.left, k), y.leading(t.left), row(t.begin, k), y.leading(t.begin), Scalar(k > 0),
+                      out + t.begin * n + t.left, n);
   }
 
   void run(const Task& t) const {
@@ -130,8 +137,7 @@ struct Product {
     } else if (t.begin == t.left) {
       square(t.begin, t.end, 0, t.path, 0);
     } else {
-      dense::multiply(t.right - t.left, t.end - t.begin, t.path, Scalar(1), row(t.left, 0), y.leading(t.left),
-                      row(t.begin, 0), y.leading(t.begin), Scalar(0), out + t.begin * n + t.left, n);
+      rectangle(t);
     }
     if (t.branch >= 0)
       for (Index b = first[at(t.branch)]; b < t.branch; ++b) {
