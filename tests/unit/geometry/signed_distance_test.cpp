@@ -73,6 +73,24 @@ TEST(WindingNumber, FastConvergesToExactOnSoups) {
   EXPECT_LT(worst8, worst4 / 5);
 }
 
+// One expansion of everything, seen from ever farther: the error falls as the fifth power of the distance. A
+// wrong coefficient of second order makes that the fourth.
+TEST(WindingNumber, ExpansionIsOfSecondOrder) {
+  const TriangleMesh mesh = test::soup(200, 12);
+  const WindingNumber fast(mesh, 1);
+  std::mt19937_64 random(5);
+  double near = 0, far = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Vec3 direction = random_point(random, 1).normalized();
+    const auto error = [&](double r) {
+      return std::abs(fast.at(r * direction) - winding_number(mesh, r * direction));
+    };
+    near = std::max(near, error(20));
+    far = std::max(far, error(60));
+  }
+  EXPECT_GT(near / far, 180);  // 3^5 = 243, 3^4 = 81
+}
+
 // Everywhere the sign must be that of the exact winding number.
 void expect_signs(const TriangleMesh& mesh, SignMethod method, double size) {
   const SignedDistanceField field(mesh);

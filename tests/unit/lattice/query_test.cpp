@@ -87,6 +87,9 @@ TEST(LatticeQuery, GradientIsTheSurfacesNormalAndContinuous) {
 // A cube on its own grid: many grid points lie exactly on the surface.
 TEST(LatticeQuery, GradientOnGridPointsOfTheSurface) {
   const TriangleMesh mesh = test::cube(Vec3::Zero(), 1);
+  const LatticeSamples tight = sampled(mesh, 8);
+  ASSERT_EQ(tight.touching.size(), 9u * 9 * 9 - 7 * 7 * 7);
+  EXPECT_EQ(tight.touching_normal.size(), tight.touching.size());
   for (const double margin : {0.0, 0.25, 0.3}) {
     const Lattice lattice(sampled(mesh, 8, margin));
     for (double y = -0.4; y <= 0.4; y += 0.1) {
