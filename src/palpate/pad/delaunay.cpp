@@ -75,7 +75,7 @@ void joggle(std::span<Vec3> points, double amount) {
     }
 }
 
-std::vector<Tetrahedron> delaunay(std::span<const Vec3> points) {
+std::vector<Tetrahedron> delaunay(std::span<Vec3> points) {
   if (points.size() < 5) throw Error(ErrorKind::geometry, "{} points span no volume", points.size());
   const Box box = bounding_box(points);
   const double scale = 1 / box.diagonal();
@@ -101,6 +101,10 @@ std::vector<Tetrahedron> delaunay(std::span<const Vec3> points) {
     if (n != 4) throw Error(ErrorKind::internal, "Qhull gave a facet of {} corners", n);
     if (facet->toporient ^ qh_ORIENTclock) std::swap(t[0], t[1]);
     tets.push_back(t);
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const coordT* const moved = qh->first_point + 4 * i;  // lifted: four a point
+    points[i] = box.center() + Vec3(moved[0], moved[1], moved[2]) / scale;
   }
   // Which of Qhull's two senses of orientation is ours depends on the lifting: asked of the volume's sign.
   double sum = 0;

@@ -8,10 +8,10 @@
 
 namespace palpate {
 
-// Tetrahedra of the convex hull of the points, positively oriented. The points must be in general position
-// (no five on a sphere to within rounding): joggle them first. Throws Error(geometry) when they span no
-// volume, Error(resource) when Qhull runs out of memory.
-std::vector<Tetrahedron> delaunay(std::span<const Vec3> points);
+// Tetrahedra of the convex hull of the points, positively oriented. Points in special position (five on a
+// sphere) are moved a little, and are left where they were moved to: joggle them first, and it is next to
+// nothing. Throws Error(geometry) when they span no volume, Error(resource) when Qhull runs out of memory.
+std::vector<Tetrahedron> delaunay(std::span<Vec3> points);
 
 // Moves each point by up to `amount` along each axis, the same way for the same number of points, so that no
 // five are on a sphere any more.

@@ -139,17 +139,24 @@ Index FlipMesh::add(const Tetrahedron& t, Index label) {
   return number;
 }
 
-void FlipMesh::replace(std::span<const Index> old, std::span<const Tetrahedron> fresh) {
-  removed_.clear(), added_.clear();
-  const Index label = labels[static_cast<std::size_t>(old[0])];
-  for (const Index t : old) removed_.push_back(tet(t)), kill(t);
-  for (const Tetrahedron& t : fresh) added_.push_back(add(t, label));
+void FlipMesh::replace(std::span<const Index> old, std::span<const Tetrahedron> fresh, bool made_node) {
+  Change change{{}, {}, labels[static_cast<std::size_t>(old[0])], tets_.size(), made_node};
+  for (const Index t : old) change.removed.push_back(tet(t)), kill(t);
+  for (const Tetrahedron& t : fresh) change.added.push_back(add(t, change.label));
+  journal_.push_back(std::move(change));
 }
 
+// Exactly backwards, so that each tetrahedron gets its number again: earlier changes in the journal go by
+// them.
 void FlipMesh::undo() {
-  const std::vector<Tetrahedron> before = removed_;
-  const std::vector<Index> now = added_;
-  replace(now, before);
+  const Change change = std::move(journal_.back());
+  journal_.pop_back();
+  for (auto t = change.added.rbegin(); t != change.added.rend(); ++t) {
+    kill(*t);
+    if (static_cast<std::size_t>(*t) >= change.slots) free_.pop_back(), tets_.pop_back(), labels.pop_back();
+  }
+  for (auto t = change.removed.rbegin(); t != change.removed.rend(); ++t) add(*t, change.label);
+  if (change.made_node) nodes.pop_back(), around_.pop_back();
 }
 
 bool FlipMesh::remove_edge(Index a, Index b, double floor, std::span<const Edge> wanted) {
@@ -249,7 +256,7 @@ Index FlipMesh::split_edge(Index a, Index b, const Vec3& p) {
     const Index c = r[i], d = r[(i + 1) % r.size()];
     fresh.push_back({a, v, c, d}), fresh.push_back({v, b, c, d});
   }
-  replace(old, fresh);
+  replace(old, fresh, true);
   return v;
 }
 

@@ -59,10 +59,14 @@ class FlipMesh {
   // -1: the edge is protected or on the boundary. The node is the last one; whoever takes the change back
   // removes it.
   Index split_edge(Index a, Index b, const Vec3& p);
-  // Takes back the last change.
+  // Changes made since forget(). undo() takes back the last one, undo(n) all but the first n; nodes made by
+  // split_edge go too.
+  std::size_t changes() const { return journal_.size(); }
   void undo();
-  // Tetrahedra made by the last change.
-  std::span<const Index> added() const { return added_; }
+  void undo(std::size_t n) {
+    while (journal_.size() > n) undo();
+  }
+  void forget() { journal_.clear(); }
 
   void kill(Index t);
   Index add(const Tetrahedron& t, Index label);
@@ -77,15 +81,21 @@ class FlipMesh {
   struct FaceHash {
     std::size_t operator()(const Triangle& t) const;
   };
-  void replace(std::span<const Index> old, std::span<const Tetrahedron> fresh);
+  void replace(std::span<const Index> old, std::span<const Tetrahedron> fresh, bool made_node = false);
 
   std::vector<Tetrahedron> tets_;
   std::vector<Index> free_;
   std::vector<std::vector<Index>> around_;  // tetrahedra of each node
   std::unordered_set<std::uint64_t> edges_;
   std::unordered_set<Triangle, FaceHash> faces_;
-  std::vector<Index> added_;
-  std::vector<Tetrahedron> removed_;
+  struct Change {
+    std::vector<Tetrahedron> removed;
+    std::vector<Index> added;
+    Index label;
+    std::size_t slots;  // of tets_, before
+    bool made_node;
+  };
+  std::vector<Change> journal_;
 };
 
 }  // namespace palpate

@@ -31,6 +31,7 @@ class Improver {
   bool flip_twice(Index t) {
     const Tetrahedron x = mesh_.tet(t);
     const double q = mesh_.shape_of(x), floor = q + 1e-6 + 0.01 * std::abs(q);
+    const auto gone = [&] { return !mesh_.alive(t) || mesh_.tet(t) != x; };
     for (std::size_t i = 0; i < 4; ++i)
       for (std::size_t j = i + 1; j < 4; ++j) {
         const Index a = x[i], b = x[j];
@@ -38,12 +39,12 @@ class Improver {
         for (const Index r : mesh_.ring(a, b))
           for (const Edge& e : {Edge{a, r}, Edge{b, r}}) {
             if (!mesh_.remove_edge(e[0], e[1], floor)) continue;
-            if (!mesh_.alive(t) || mesh_.remove_edge(a, b, floor)) return true;
+            if (gone() || mesh_.remove_edge(a, b, floor)) return true;
             mesh_.undo();
           }
         for (const Index r : mesh_.ring(a, b)) {
           if (!mesh_.remove_face(a, b, r, floor)) continue;
-          if (!mesh_.alive(t) || mesh_.remove_edge(a, b, floor)) return true;
+          if (gone() || mesh_.remove_edge(a, b, floor)) return true;
           mesh_.undo();
         }
       }
@@ -65,7 +66,6 @@ class Improver {
         }
         if (worst_around(v) > q + 1e-3 + 0.1 * std::abs(q)) return true;
         mesh_.undo();
-        mesh_.nodes.pop_back();
       }
     return false;
   }
@@ -144,20 +144,29 @@ class Improver {
   Index first_free_;
 };
 
+using Bad = std::pair<double, Index>;  // shape, tetrahedron
+
+std::vector<Bad> worse_than(const FlipMesh& mesh, double goal) {
+  std::vector<Bad> bad;
+  for (std::size_t i = 0; i < mesh.tets().size(); ++i)
+    if (const auto t = static_cast<Index>(i); mesh.alive(t))
+      if (const double q = mesh.shape_of(mesh.tet(t)); q < goal) bad.push_back({q, t});
+  std::sort(bad.begin(), bad.end());
+  return bad;
+}
+
 }  // namespace
 
 void improve(FlipMesh& mesh, Index first_free, double goal, const Progress& progress) {
   Improver improver(mesh, first_free);
   for (int round = 0; round < most_rounds; ++round) {
-    std::vector<std::pair<double, Index>> bad;
-    for (std::size_t i = 0; i < mesh.tets().size(); ++i)
-      if (const auto t = static_cast<Index>(i); mesh.alive(t))
-        if (const double q = mesh.shape_of(mesh.tet(t)); q < goal) bad.push_back({q, t});
-    std::sort(bad.begin(), bad.end());
+    const std::vector<Bad> bad = worse_than(mesh, goal);
     std::size_t better = 0;
-    for (const auto& [q, t] : bad) {
-      if ((better & 63) == 0) progress.at(static_cast<double>(round) / most_rounds);
+    for (std::size_t i = 0; i < bad.size(); ++i) {
+      if ((i & 63) == 0) progress.at(static_cast<double>(round) / most_rounds);
+      const auto& [q, t] = bad[i];
       if (!mesh.alive(t) || mesh.shape_of(mesh.tet(t)) > q) continue;  // done on the way
+      mesh.forget();
       if (improver.flip(t)) {
         ++better;
         continue;
@@ -165,9 +174,22 @@ void improve(FlipMesh& mesh, Index first_free, double goal, const Progress& prog
       const Tetrahedron x = mesh.tet(t);
       bool moved = false;
       for (const Index v : x) moved = improver.move(v) || moved;
-      if (moved || (q < bad_shape && (improver.flip_twice(t) || (round > 1 && improver.split(t))))) ++better;
+      better += moved || (q < bad_shape && (improver.flip_twice(t) || (round > 1 && improver.split(t))));
     }
-    if (better * 200 <= bad.size()) break;
+    if (better == 0 || (better * 200 <= bad.size() && round > 1 && bad.front().first > bad_shape / 10)) break;
+  }
+}
+
+void flip_out(FlipMesh& mesh, double goal) {
+  Improver improver(mesh, static_cast<Index>(mesh.nodes.size()));
+  for (int round = 0; round < most_rounds; ++round) {
+    std::size_t better = 0;
+    for (const auto& [q, t] : worse_than(mesh, goal)) {
+      mesh.forget();
+      if (mesh.alive(t) && mesh.shape_of(mesh.tet(t)) <= q)
+        better += improver.flip(t) || improver.flip_twice(t);
+    }
+    if (better == 0) break;
   }
 }
 

@@ -10,4 +10,7 @@ namespace palpate {
 // (shape, see flips.hpp) or nothing gets better any more.
 void improve(FlipMesh& mesh, Index first_free, double goal, const Progress& progress = {});
 
+// Flips away tetrahedra below `goal`, as far as single flips can. Moves nothing.
+void flip_out(FlipMesh& mesh, double goal);
+
 }  // namespace palpate

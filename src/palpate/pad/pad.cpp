@@ -112,6 +112,34 @@ std::vector<Triangle> all_triangles(const Input& input) {
   return all;
 }
 
+// Parts of one surface, none running through another: the solid is on the inner side of each, nothing on the
+// other. At the middle of a triangle the winding number of all the others is the mean of both sides', 1/2.
+void require_nested(const TriangleMesh& mesh, const std::string& what) {
+  const std::vector<Index> part = components(mesh);
+  const Index parts = part.empty() ? 0 : *std::max_element(part.begin(), part.end()) + 1;
+  if (parts < 2) return;
+  std::vector<std::pair<double, std::size_t>> largest(static_cast<std::size_t>(parts), {-1, 0});
+  for (std::size_t i = 0; i < part.size(); ++i)
+    if (const double a = area_vector(mesh, mesh.triangles[i]).norm();
+        a > largest[static_cast<std::size_t>(part[i])].first)
+      largest[static_cast<std::size_t>(part[i])] = {a, i};
+  TriangleMesh others = mesh;
+  for (const auto& [area, i] : largest) {
+    const Triangle t = mesh.triangles[i];
+    others.triangles[i] = {t[0], t[0], t[0]};
+    const auto at = [&](std::size_t k) { return mesh.vertices[static_cast<std::size_t>(t[k])]; };
+    const Vec3 middle = (at(0) + at(1) + at(2)) / 3;
+    if (const double w = winding_number(others, middle); std::abs(w - 0.5) > 0.1)
+      throw Error(
+          ErrorKind::geometry,
+          "{}: of its {} parts the one at ({:.6g}, {:.6g}, {:.6g}) {}; a cavity faces inwards, separate "
+          "solids outwards, a region is a surface of its own",
+          what, parts, middle.x(), middle.y(), middle.z(),
+          w > 1 ? "faces outwards inside of another" : "faces inwards and is in no other");
+    others.triangles[i] = t;
+  }
+}
+
 // No surface runs through itself or another one, and the inner ones are inside.
 void require_apart(const Input& input, const SignedDistanceField& outer) {
   const std::vector<Crossing> found = crossings(input.nodes, all_triangles(input), 1000);
@@ -130,6 +158,7 @@ void require_apart(const Input& input, const SignedDistanceField& outer) {
                 found.size() < 1000 ? "" : "over ", found.size(), c.at.x(), c.at.y(), c.at.z(),
                 where(c.edge_of), where(c.through));
   }
+  for (std::size_t s = 0; s < input.surfaces.size(); ++s) require_nested(input.surfaces[s], input.names[s]);
   const double touch = 1e-9 * bounding_box(input.nodes).diagonal();
   for (std::size_t s = 1; s < input.surfaces.size(); ++s)
     for (std::size_t i = 0; i < input.surfaces[s].vertices.size(); ++i) {
@@ -182,9 +211,10 @@ FlipMesh tetrahedra(const Input& input, const std::vector<Vec3>& points, double 
   joggle(nodes, 1e-6 * spacing);
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3 way((corner & 1) * 2 - 1, (corner & 2) - 1, (corner & 4) / 2 - 1);
-    nodes.push_back(box.center() + 10 * (1 + 0.03 * corner) * box.diagonal() * way);
+    nodes.push_back(box.center() + 0.8 * (1 + 0.03 * corner) * box.diagonal() * way);
   }
   FlipMesh mesh(nodes, delaunay(nodes));
+  mesh.nodes = nodes;
   const Recovery r = recover(mesh, all_triangles(input));
   report.recovered_edges = r.edges_absent - r.edges_missing;
   std::copy(points.begin(), points.end(), mesh.nodes.begin());

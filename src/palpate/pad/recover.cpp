@@ -7,12 +7,17 @@
 #include <functional>
 #include <optional>
 
+#include "palpate/pad/improve.hpp"
+
 namespace palpate {
 
 namespace {
 
-constexpr double valid =
-    1e-10;  // shape a new tetrahedron must have: surfaces in one plane differ by the joggle
+// Shapes new tetrahedra must have: good ones, else any that are not inverted (what lies in one plane is as
+// flat as the joggle).
+constexpr double flat = 1e-3;
+constexpr double valid = 1e-10;
+constexpr std::array<double, 3> floors{1e-2, 1e-4, valid};
 constexpr std::array<std::array<std::size_t, 3>, 4> faces{{{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
 
 double orient(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
@@ -34,22 +39,12 @@ class Recoverer {
   explicit Recoverer(FlipMesh& mesh) : mesh_(mesh) {}
 
   bool edge(Index u, Index v) {
-    if (mesh_.has_edge(u, v)) return true;
-    if (swap_in(u, v)) return true;
-    return reduce([&] { return pierced_by(u, v); },
-                  [&](const std::vector<Triangle>& pierced) {
-                    std::vector<Flip> flips;
-                    for (const auto& [a, b, c] : pierced) {
-                      flips.push_back({a, b, c});
-                      for (const Edge& e : {Edge{a, b}, Edge{b, c}, Edge{c, a}})
-                        flips.push_back({e[0], e[1], -1});
-                    }
-                    return flips;
-                  }) &&
-           mesh_.has_edge(u, v);
+    mesh_.forget();
+    return mesh_.has_edge(u, v) || swap_in(u, v) || flip_in(u, v) || split_in(u, v);
   }
 
   bool face(Index u, Index v, Index w) {
+    mesh_.forget();
     if (mesh_.has_face(u, v, w)) return true;
     const std::array<Edge, 3> sides{{{u, v}, {v, w}, {w, u}}};
     return reduce([&] { return piercing(u, v, w); },
@@ -67,10 +62,46 @@ class Recoverer {
  private:
   using Flip = Triangle;  // third -1: remove an edge; else remove a face
 
-  bool apply(const Flip& f, std::span<const Edge> wanted) {
-    if (f[2] >= 0) return mesh_.remove_face(f[0], f[1], f[2], valid);
-    return (!wanted.empty() && mesh_.remove_edge(f[0], f[1], valid, wanted)) ||
-           mesh_.remove_edge(f[0], f[1], valid);
+  bool apply(const Flip& f, std::span<const Edge> wanted, double floor) {
+    if (f[2] >= 0) return mesh_.remove_face(f[0], f[1], f[2], floor);
+    return (!wanted.empty() && mesh_.remove_edge(f[0], f[1], floor, wanted)) ||
+           mesh_.remove_edge(f[0], f[1], floor);
+  }
+
+  bool flip_in(Index u, Index v) {
+    const auto flips = [](const std::vector<Triangle>& pierced) {
+      std::vector<Flip> result;
+      for (const auto& [a, b, c] : pierced)
+        for (const Flip& f : {Flip{a, b, c}, Flip{a, b, -1}, Flip{b, c, -1}, Flip{c, a, -1}})
+          result.push_back(f);
+      return result;
+    };
+    return reduce([&] { return pierced_by(u, v); }, flips) && mesh_.has_edge(u, v);
+  }
+
+  // A new node on an edge in the way, put aside, so that the edge can be flipped away.
+  bool split_in(Index u, Index v) {
+    const auto pierced = pierced_by(u, v);
+    if (!pierced) return false;
+    for (const Triangle& f : *pierced)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Index a = f[k], b = f[(k + 1) % 3];
+        if (mesh_.is_protected(a, b)) continue;
+        const Vec3 middle = (mesh_.node(a) + mesh_.node(b)) / 2;
+        for (const Index r : mesh_.ring(a, b)) {
+          if (r == u || r == v) continue;
+          for (const double part : {0.3, 0.6}) {
+            const std::size_t before = mesh_.changes();
+            const Index n = mesh_.split_edge(a, b, (1 - part) * middle + part * mesh_.node(r));
+            if (n < 0) continue;
+            bool good = true;
+            for (const Index t : mesh_.around(n)) good = good && mesh_.shape_of(mesh_.tet(t)) > valid;
+            if (good && flip_in(u, v)) return true;
+            mesh_.undo(before);
+          }
+        }
+      }
+    return false;
   }
 
   // Flips as long as the number of crossings falls. True when there is none left.
@@ -78,19 +109,31 @@ class Recoverer {
   bool reduce(const Count& count, const Candidates& candidates, std::span<const Edge> wanted = {}) {
     auto crossings = count();
     for (int round = 0; crossings && !crossings->empty() && round < 200; ++round) {
-      bool progress = false;
-      for (const Flip& f : candidates(*crossings)) {
-        if (!apply(f, wanted)) continue;
-        auto now = count();
-        if (now && now->size() < crossings->size()) {
-          crossings = std::move(now), progress = true;
-          break;
-        }
-        mesh_.undo();
+      bool fewer = false;
+      for (const double floor : floors) {
+        const std::size_t limit = crossings->size();
+        fewer = fewer || step(limit, crossings, count, candidates, wanted, floor, 2);
       }
-      if (!progress) return false;
+      if (!fewer) return false;
     }
     return crossings && crossings->empty();
+  }
+
+  // One flip, or up to `depth` of them, after which there are fewer than `limit` crossings.
+  template <class Crossings, class Count, class Candidates>
+  bool step(std::size_t limit, Crossings& crossings, const Count& count, const Candidates& candidates,
+            std::span<const Edge> wanted, double floor, int depth) {
+    for (const Flip& f : candidates(*crossings)) {
+      if (!apply(f, wanted, floor)) continue;
+      auto now = count();
+      if (now && (now->size() < limit || (depth > 1 && now->size() <= limit + 1 &&
+                                          step(limit, now, count, candidates, wanted, floor, depth - 1)))) {
+        crossings = std::move(now);
+        return true;
+      }
+      mesh_.undo();
+    }
+    return false;
   }
 
   // One flip that makes edge uv, if there is one: the other diagonal of a quadrilateral.
@@ -104,12 +147,13 @@ class Recoverer {
         if (x != u) rest[n++] = x;
       opposite.push_back(rest);
     }
-    for (const auto& [a, b, c] : opposite)
-      if (joined(v, a, b, c) && mesh_.remove_face(a, b, c, valid)) return true;
-    for (const auto& [a, b, c] : opposite)
-      for (const Edge& e : {Edge{a, b}, Edge{b, c}, Edge{c, a}})
-        if (in_ring(v, e) && mesh_.remove_edge(e[0], e[1], valid, {&wanted, 1}) && mesh_.has_edge(u, v))
-          return true;
+    for (const double floor : floors) {
+      for (const auto& [a, b, c] : opposite)
+        for (const Edge& e : {Edge{a, b}, Edge{b, c}, Edge{c, a}})
+          if (in_ring(v, e) && mesh_.remove_edge(e[0], e[1], floor, {&wanted, 1})) return true;
+      for (const auto& [a, b, c] : opposite)
+        if (joined(v, a, b, c) && mesh_.remove_face(a, b, c, floor)) return true;
+    }
     return false;
   }
   bool in_ring(Index v, const Edge& e) const {
@@ -229,6 +273,8 @@ Recovery recover(FlipMesh& mesh, std::span<const Triangle> triangles) {
     return left.size() - rest.size();
   };
   settle_edges(false), settle_faces(false);
+  flip_out(mesh, flat);
+  settle_edges(false);
   report.edges_absent = edges.size();
   while (!edges.empty() && settle_edges(true)) {
   }
