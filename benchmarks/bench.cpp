@@ -12,6 +12,7 @@
 #include <regex>
 
 #include "palpate/base/error.hpp"
+#include "palpate/base/huge_array.hpp"
 #include "palpate/base/parallel_for.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/io/atomic_file.hpp"
@@ -92,6 +93,12 @@ Medians in_turn(const std::function<void()>& ours, const std::function<void()>& 
     spent += b.back();
   }
   return {median(a), median(b)};
+}
+
+void warm_memory(std::size_t bytes) {
+  HugeArray<char> memory(bytes);
+  for (std::size_t i = 0; i < bytes; i += 4096) memory[i] = 1;
+  keep(memory[0]);
 }
 
 std::string machine() {

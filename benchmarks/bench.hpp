@@ -41,6 +41,10 @@ Medians in_turn(const std::function<void()>& ours, const std::function<void()>& 
                 const Runs& runs = {});
 double median(std::vector<double> values);
 
+// Touches this much memory and gives it back. A virtual machine's first touch of a page is paid to its host,
+// ten times the price of any later one, and neither side's fault.
+void warm_memory(std::size_t bytes);
+
 // Keeps the compiler from dropping a result that nobody reads.
 template <class T>
 void keep(const T& value) {
