@@ -27,7 +27,7 @@ struct PadCommandOptions {
   std::string unit = "m", name = "tissue";
   std::vector<std::string> regions;  // NAME=FILE
   double spacing = 0;                // file units; 0: 1.4 mean edges
-  bool grade = true;
+  bool grade = true, repair = false;
 };
 void run_pad(const PadCommandOptions& options, const Console& console);
 

@@ -47,10 +47,12 @@ void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
       ->required();
   c->add_option("--unit", o.unit, unit_help)->capture_default_str();
   c->add_option("--region", o.regions,
-                "NAME=FILE, a closed surface inside (repeatable; later ones lie inside earlier ones)");
+                "NAME=FILE, a closed surface inside (repeatable; later ones lie inside earlier ones)")
+      ->allow_extra_args(false);
   c->add_option("--name", o.name, "name of the region in no inner surface")->capture_default_str();
   c->add_option("--spacing", o.spacing,
                 "of the interior nodes near the surface, in file units (default: 1.4 mean edges)");
+  c->add_flag("--repair", o.repair, "smooth the surfaces where they run through themselves");
   c->add_flag("!--uniform", o.grade, "do not let the tetrahedra grow with depth");
   c->callback([&] { run_pad(o, console); });
 }
@@ -65,10 +67,12 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
   c->add_option("-o,--output", o.output, "model to write (.h5)")->required();
   c->add_option("--unit", o.unit, unit_help)->capture_default_str();
   c->add_option("--material", o.materials,
-                "REGION=E,nu[,density]: Pa, -, kg/m3 (repeatable; without REGION= for all regions)");
+                "REGION=E,nu[,density]: Pa, -, kg/m3 (repeatable; without REGION= for all regions)")
+      ->allow_extra_args(false);
   c->add_option("--anchor", o.anchors,
                 "fixed nodes (repeatable): box x0 y0 z0 x1 y1 z1 | sphere x y z r | half-space px py pz nx "
-                "ny nz | region NAME | nodes 1,2,3");
+                "ny nz | region NAME | nodes 1,2,3")
+      ->allow_extra_args(false);
   c->callback([&] { run_precompute(o, console); });
 }
 
@@ -147,7 +151,11 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(ErrorKind::usage);
+    if (error.get_exit_code() == 0) return app.exit(error);  // help, version
+    const bool unknown = app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-';
+    throw Error(ErrorKind::usage, "{}; see palpate {}--help",
+                unknown ? fmt::format("'{}' is no command", argv[1]) : error.what(),
+                app.get_subcommands().empty() ? "" : app.get_subcommands()[0]->get_name() + " ");
   }
   return 0;
 }

@@ -59,6 +59,9 @@ json as_json(const PadReport& r, const std::vector<Region>& regions) {
   json object{{"interior_nodes", r.interior_points},
               {"spacing_m", r.spacing},
               {"turned_over", r.flipped},
+              {"crossings_repaired", r.repaired.crossings},
+              {"vertices_moved", r.repaired.moved},
+              {"moved_by_at_most_m", r.repaired.farthest},
               {"removed_outside", r.removed_outside},
               {"recovered_edges", r.recovered_edges},
               {"slivers_removed", r.slivers_removed},
@@ -86,6 +89,10 @@ void show(const PadCommandOptions& o, const SurfaceFile& file, const Padded& pad
   line("surface",
        fmt::format("{} triangles, {} vertices{}", file.mesh.triangles.size(), file.mesh.vertices.size(),
                    r.flipped ? "; it faced inwards and was turned over" : ""));
+  if (r.repaired.crossings > 0)
+    line("repaired",
+         fmt::format("{} places where it ran through itself: {} vertices moved, by up to {:.3g} m",
+                     r.repaired.crossings, r.repaired.moved, r.repaired.farthest));
   line("nodes", fmt::format("{}: {} interior, {:.4g} m apart near the surface{}", padded.mesh.nodes.size(),
                             r.interior_points, r.spacing, o.grade ? ", more with depth" : ""));
   line("tets", fmt::format("{}, {:.6g} m3; {} outside removed", padded.mesh.tets.size(), r.quality.volume,
@@ -121,6 +128,7 @@ void run_pad(const PadCommandOptions& options, const Console& console) {
   pad.spacing = options.spacing * unit;
   pad.grade = options.grade;
   pad.name = options.name;
+  pad.repair = options.repair;
   const std::vector<NamedSurface> inner = read_regions(options, unit);
   const Timer timer = wall_timer();
   Padded padded = [&] {

@@ -154,7 +154,7 @@ void require_apart(const Input& input, const SignedDistanceField& outer) {
     throw Error(ErrorKind::geometry,
                 "surfaces run through each other or themselves at {}{} places, first near ({:.6g}, {:.6g}, "
                 "{:.6g}): {} "
-                "and {}; separate or unite them",
+                "and {}; separate or unite them, or let `repair` smooth the places",
                 found.size() < 1000 ? "" : "over ", found.size(), c.at.x(), c.at.y(), c.at.z(),
                 where(c.edge_of), where(c.through));
   }
@@ -169,7 +169,16 @@ void require_apart(const Input& input, const SignedDistanceField& outer) {
     }
 }
 
-Input gather(const TriangleMesh& surface, const std::vector<NamedSurface>& inner, const PadOptions& options) {
+TriangleMesh repaired(TriangleMesh mesh, const std::string& what, PadReport& report) {
+  require_numbers(mesh, what);
+  const Unfolded u = unfold(mesh);
+  report.repaired.crossings += u.crossings, report.repaired.moved += u.moved;
+  report.repaired.farthest = std::max(report.repaired.farthest, u.farthest);
+  return mesh;
+}
+
+Input gather(const TriangleMesh& surface, const std::vector<NamedSurface>& inner, const PadOptions& options,
+             PadReport& report) {
   if (!(options.spacing >= 0) || !std::isfinite(options.spacing))
     throw Error(ErrorKind::usage, "a spacing of {} m: give a positive one, or 0 for the mean edge",
                 options.spacing);
@@ -186,8 +195,11 @@ Input gather(const TriangleMesh& surface, const std::vector<NamedSurface>& inner
   }
   Input input;
   std::map<std::array<double, 3>, Index> at;
-  add_surface(input, surface, "the surface", at);
-  for (const NamedSurface& s : inner) add_surface(input, s.surface, "inner surface \"" + s.name + "\"", at);
+  const auto add = [&](const TriangleMesh& mesh, const std::string& what) {
+    add_surface(input, options.repair ? repaired(mesh, what, report) : mesh, what, at);
+  };
+  add(surface, "the surface");
+  for (const NamedSurface& s : inner) add(s.surface, "inner surface \"" + s.name + "\"");
   return input;
 }
 
@@ -322,7 +334,7 @@ Padded pad_delaunay(const TriangleMesh& surface, const std::vector<NamedSurface>
   Padded result;
   PadReport& report = result.report;
   progress.at(0);
-  const Input input = gather(surface, inner, options);
+  const Input input = gather(surface, inner, options, report);
   report.flipped = volume(surface) < 0;
   const SignedDistanceField outer(input.surfaces[0]);
   require_apart(input, outer);

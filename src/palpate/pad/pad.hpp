@@ -8,6 +8,7 @@
 
 #include "palpate/base/progress.hpp"
 #include "palpate/geometry/tet_mesh.hpp"
+#include "palpate/pad/unfold.hpp"
 
 namespace palpate {
 
@@ -20,11 +21,13 @@ struct PadOptions {
   double spacing = 0;  // of the interior points near the surface, m; 0: 1.4 times the surface's mean edge
   bool grade = true;   // coarser with depth (nested body-centred grids)
   std::string name = "tissue";  // region of what lies in no inner surface
+  bool repair = false;          // smooth surfaces where they run through themselves, instead of an error
 };
 
 struct PadReport {
   std::size_t interior_points = 0;
   double spacing = 0;                 // of the interior points near the surface, m
+  Unfolded repaired;                  // with options.repair, of all surfaces together
   bool flipped = false;               // the surface faced inwards and was turned round
   std::size_t removed_outside = 0;    // Delaunay tetrahedra outside the surface
   std::size_t recovered_edges = 0;    // surface edges that Delaunay missed and flips made

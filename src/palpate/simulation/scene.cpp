@@ -37,7 +37,10 @@ class Table {
     const toml::node* node = table_.get(key);
     const auto line = (node ? node->source() : table_.source()).begin.line;
     throw Error(ErrorKind::format, "{}:{}: {}: {}", file_.string(), line,
-                key.empty() ? name_ : name_ + "." + key, what);
+                key.empty()     ? name_
+                : name_.empty() ? key
+                                : name_ + "." + key,
+                what);
   }
   bool has(const std::string& key) {
     known_.push_back(key);
@@ -47,6 +50,11 @@ class Table {
     if (!has(key)) return otherwise;
     if (const auto value = table_.get(key)->value_exact<std::string>()) return *value;
     fail(key, "must be a text in quotes");
+  }
+  bool flag(const std::string& key, bool otherwise) {
+    if (!has(key)) return otherwise;
+    if (const auto value = table_.get(key)->value_exact<bool>()) return *value;
+    fail(key, "must be true or false");
   }
   // A number in SI units, or a text with a unit: "12 mm".
   double quantity(const std::string& key, double otherwise, const std::vector<Unit>& units) {
@@ -174,6 +182,7 @@ TetMesh read_or_pad(Table& organ, double unit, const Progress& progress) {
   PadOptions options;
   options.name = organ.text("name", "tissue");
   options.spacing = organ.quantity("spacing", 0, length_units);
+  options.repair = organ.flag("repair", false);
   if (!organ.has("surface")) organ.fail("", "say model = \"x.h5\", tets = \"x.vtu\" or surface = \"x.stl\"");
   return pad_delaunay(read_surface(organ.path("surface"), unit).mesh, inner, options, progress).mesh;
 }

@@ -129,7 +129,7 @@ TEST(Improve, GetsRidOfSliversAndKeepsTheBoundary) {
     Vec3& p = mesh.nodes[i];
     if ((p.array() > 0.1).all() && (p.array() < 0.9).all())
       p += 0.1 * Vec3(std::sin(7.0 * static_cast<double>(i)), std::sin(11.0 * static_cast<double>(i)),
-                       std::sin(13.0 * static_cast<double>(i)));
+                      std::sin(13.0 * static_cast<double>(i)));
   }
   const auto worst = [&] {
     double least = 2;
