@@ -78,7 +78,7 @@ TEST_F(BadInput, Truncated) {
     fs::resize_file(half, fs::file_size(half) / 2);
     expect_refused("info " + at("half_" + name), ErrorKind::format, "half_" + name);
   }
-  folder.write("m.csv", "time,x\n0,1\n1,0\n");
+  folder.write("m.csv", "time,instrument1.x\n0,1\n1,0\n");
   folder.write(
       "scene.toml",
       "[organ]\nmodel = 'half_ball.h5'\n[[instrument]]\nsphere = '1 cm'\n[motion]\nfile = 'm.csv'\n");
