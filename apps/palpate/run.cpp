@@ -49,16 +49,23 @@ double round_up(double x) {
 }
 
 void draw(const Scene& scene, const std::vector<Shot>& shots, const RunOptions& options) {
-  Box box;
+  // The organ, and of the instruments what comes near it.
+  std::vector<Vec3> shown;
+  Box near;
   float most = 0;
   for (const Shot& s : shots) {
-    box.add(bounding_box(s.vertices));
+    near.add(bounding_box(s.vertices));
+    shown.insert(shown.end(), s.vertices.begin(), s.vertices.end());
     for (const float mm : s.millimetres) most = std::max(most, mm);
   }
   const double top = round_up(most);
-  const Vec3 above = 0.4 * box.diagonal() * options.up.normalized();  // room for the instrument
-  const Vec3 corner = above.cwiseMax(0.0), floor = above.cwiseMin(0.0);
-  const Camera camera = frame_box({box.min + floor, box.max + corner}, options.view, options.up);
+  const double reach = 0.35 * near.diagonal();
+  near.add(Vec3(near.min.array() - reach)), near.add(Vec3(near.max.array() + reach));
+  for (const Shot& s : shots)
+    for (const std::vector<Vec3>& instrument : s.instruments)
+      for (const Vec3& p : instrument)
+        if ((p.array() > near.min.array()).all() && (p.array() < near.max.array()).all()) shown.push_back(p);
+  const Camera camera = frame_points(shown, options.view, options.up);
   Painter painter(480, 480);
   std::vector<Tile> sheet;
   for (const Shot& s : shots) {

@@ -335,24 +335,45 @@ Image Painter::draw(const std::vector<DrawnMesh>& meshes, const Camera& camera, 
   return gl.read_back();
 }
 
-Camera frame_box(const Box& box, const Vec3& direction, const Vec3& up) {
+Camera frame_points(std::span<const Vec3> points, const Vec3& direction, const Vec3& up) {
   Camera camera;
-  if (box.empty()) return camera;
+  if (points.empty()) return camera;
   const Vec3 towards = direction.norm() > 0 ? Vec3(direction.normalized()) : Vec3(Vec3::UnitZ());
-  camera.target = box.center();
+  camera.target = bounding_box(points).center();
   camera.eye = camera.target + towards;
   camera.up = up;
   const Mat3 axes = view_axes(camera);
   const double slope = 0.94 * std::tan(camera.field_of_view * M_PI / 360);  // leaves a border
   double distance = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const Vec3 p(corner & 1 ? box.max[0] : box.min[0], corner & 2 ? box.max[1] : box.min[1],
-                 corner & 4 ? box.max[2] : box.min[2]);
+  // The middle of what is seen depends on the distance, the distance on the middle.
+  for (int round = 0; round < 8; ++round) {
+    distance = 0;
+    for (const Vec3& p : points) {
+      const Vec3 seen = axes * (p - camera.target);
+      distance = std::max(distance, seen[2] + std::max(std::abs(seen[0]), std::abs(seen[1])) / slope);
+    }
+    Box shown;
+    for (const Vec3& p : points) {
+      const Vec3 seen = axes * (p - camera.target);
+      shown.add(Vec3(seen / std::max(distance - seen[2], 1e-9)));
+    }
+    const Vec3 middle = shown.center() * distance;
+    camera.target += axes.transpose() * Vec3(middle[0], middle[1], 0);
+  }
+  for (const Vec3& p : points) {
     const Vec3 seen = axes * (p - camera.target);
     distance = std::max(distance, seen[2] + std::max(std::abs(seen[0]), std::abs(seen[1])) / slope);
   }
   camera.eye = camera.target + std::max(distance, 1e-9) * towards;
   return camera;
+}
+
+Camera frame_box(const Box& box, const Vec3& direction, const Vec3& up) {
+  std::vector<Vec3> corners;
+  for (int corner = 0; corner < 8 && !box.empty(); ++corner)
+    corners.emplace_back(corner & 1 ? box.max[0] : box.min[0], corner & 2 ? box.max[1] : box.min[1],
+                         corner & 4 ? box.max[2] : box.min[2]);
+  return frame_points(corners, direction, up);
 }
 
 }  // namespace palpate

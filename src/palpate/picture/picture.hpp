@@ -29,7 +29,8 @@ struct Camera {
   Vec3 eye = Vec3(0, 0, 1), target = Vec3::Zero(), up = Vec3(0, 1, 0);
   double field_of_view = 35;  // degrees, vertical
 };
-// Looks at the box from `direction` so that all of it is visible.
+// Looks from `direction` so that all of the points, or the box, are visible and fill the square.
+Camera frame_points(std::span<const Vec3> points, const Vec3& direction, const Vec3& up);
 Camera frame_box(const Box& box, const Vec3& direction, const Vec3& up);
 
 // One offscreen context; used by one thread. Throws Error(resource) with what to install when EGL is not to

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "palpate/geometry/shapes.hpp"
 #include "palpate/io/atomic_file.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
@@ -173,6 +174,10 @@ std::vector<Material> read_materials(Table& organ, const std::vector<std::string
 
 TetMesh read_or_pad(Table& organ, double unit, const Progress& progress) {
   if (organ.has("tets")) return read_tets(organ.path("tets"), unit).mesh;
+  if (organ.has("kidney")) {
+    const auto nodes = static_cast<int>(organ.whole("kidney", 0, 50, 100000));
+    return pad_delaunay(make_kidney(nodes), {{"stone", make_stone(150)}}, {}, progress).mesh;
+  }
   std::vector<NamedSurface> inner;
   for (auto& [name, table] : organ.children("regions")) {
     inner.push_back(
@@ -183,7 +188,8 @@ TetMesh read_or_pad(Table& organ, double unit, const Progress& progress) {
   options.name = organ.text("name", "tissue");
   options.spacing = organ.quantity("spacing", 0, length_units);
   options.repair = organ.flag("repair", false);
-  if (!organ.has("surface")) organ.fail("", "say model = \"x.h5\", tets = \"x.vtu\" or surface = \"x.stl\"");
+  if (!organ.has("surface"))
+    organ.fail("", "say model = \"x.h5\", tets = \"x.vtu\", surface = \"x.stl\" or kidney = 1000");
   return pad_delaunay(read_surface(organ.path("surface"), unit).mesh, inner, options, progress).mesh;
 }
 
