@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "bench.hpp"
 #include "palpate/base/error.hpp"
@@ -50,6 +53,26 @@ std::vector<Value> offline(int nodes) {
   return {{m.ours, "", no_peer, fmt::format("{} surface nodes", nodes)}};
 }
 
+// What ./demo prints at its end: its whole motion, wall time, every step with what it touches.
+std::vector<Value> demo() {
+  const std::filesystem::path program =
+      std::filesystem::read_symlink("/proc/self/exe").parent_path() / "palpate";
+  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "palpate-bench-demo";
+  FILE* pipe = popen(
+      fmt::format("'{}' demo --json --no-pictures -o '{}'", program.string(), folder.string()).c_str(), "r");
+  if (!pipe) throw Error(ErrorKind::resource, "{}: cannot be started", program.string());
+  std::string text;
+  for (char buffer[4096]; const std::size_t n = std::fread(buffer, 1, sizeof buffer, pipe);)
+    text.append(buffer, n);
+  const int result = pclose(pipe);
+  std::filesystem::remove_all(folder);
+  if (result != 0) throw Error(ErrorKind::internal, "{} demo: failed", program.string());
+  const auto summary = nlohmann::json::parse(text);
+  return {{summary.at("steps_per_second").get<double>(), "", no_peer,
+           fmt::format("p99 {:.2f} ms, up to {} contacts", summary.at("step_ms_p99").get<double>(),
+                       summary.at("contacts_max").get<int>())}};
+}
+
 }  // namespace
 
 void register_step(Bench& bench) {
@@ -63,6 +86,7 @@ void register_step(Bench& bench) {
   });
   bench.add({{"demo.offline.600", "s"}}, [] { return offline(600); });
   bench.add({{"demo.offline.3000", "s"}}, [] { return offline(3000); });
+  bench.add({{"demo.steps_per_second", "1/s", true}}, demo);
 }
 
 }  // namespace palpate
