@@ -220,11 +220,7 @@ Instrument lattice_instrument(Table& t, int threads, const Progress& progress) {
   const Box box = bounding_box(out.surface.vertices);
   const double h = t.quantity("spacing", box.size().minCoeff() / subdivisions, length_units);
   if (!(h > 0)) t.fail("spacing", "must be above zero");
-  Grid grid = make_grid(box.grown(2 * h), 1);
-  grid.h = h;
-  for (int a = 0; a < 3; ++a)
-    grid.n[static_cast<std::size_t>(a)] =
-        static_cast<std::int32_t>(std::ceil((box.size()[a] + 4 * h) / h - 1e-9)) + 1;
+  const Grid grid = make_grid_spaced(box, h, 2 * h);
   if (static_cast<double>(grid.n[0]) * grid.n[1] * grid.n[2] > 2e8)
     t.fail("spacing", "the lattice would have more than 200 million points");
   out.shape = std::make_shared<const Lattice>(

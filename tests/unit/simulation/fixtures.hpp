@@ -20,6 +20,18 @@ inline Model block_model(int n, const Shape& shape, Mode mode = Mode::unilateral
   return model;
 }
 
+// What a scene makes of a surface: a lattice with two cells of margin.
+inline Shape lattice_of(const TriangleMesh& surface, double h) {
+  return std::make_shared<const Lattice>(sample_lattice(
+      SignedDistanceField(surface), make_grid_spaced(bounding_box(surface.vertices), h, 2 * h)));
+}
+
+// Half the height of a shape that is symmetric about its origin; a lattice's box has a margin.
+inline double half_height(const Shape& shape) {
+  const auto* lattice = std::get_if<std::shared_ptr<const Lattice>>(&shape);
+  return bounding_box(shape).max.z() - (lattice ? 2 * (*lattice)->grid().h : 0.0);
+}
+
 // The instrument's origin at p, the organ where it is.
 inline Input at(const Vec3& p, const Eigen::Quaterniond& q = Eigen::Quaterniond::Identity()) {
   Input input;

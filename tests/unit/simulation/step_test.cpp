@@ -27,7 +27,7 @@ void expect_signorini(const Model& model, const State& state, const Input& input
     const Gap g = gap(model.instruments[i].shape, input.instruments[i].inverse() * x);
     const Vec3 normal = input.instruments[i].rotation * g.normal;
     EXPECT_GT(c.force.dot(normal), 0);                                   // no pulling
-    EXPECT_LT(c.force.cross(normal).norm(), 2e-3 * peak);                // no friction
+    EXPECT_LT(c.force.cross(normal).norm(), 3e-3 * peak);                // no friction
     EXPECT_LE(std::abs(g.distance) * c.force.norm(), tolerance * peak);  // gap * force
     EXPECT_NEAR(g.distance, c.gap_after, 1e-9);
     total += c.force;
@@ -69,10 +69,14 @@ TEST(Step, NoContactNoForce) {
 
 TEST(Step, UnilateralLawHoldsWhilePressingSlidingAndLeaving) {
   for (const Shape& shape :
-       {Shape{Sphere{0.03}}, Shape{Capsule{0.01, 0.03}}, Shape{Cuboid{Vec3(0.02, 0.015, 0.03)}}}) {
+       {Shape{Sphere{0.03}}, Shape{Capsule{0.01, 0.03}}, Shape{Cuboid{Vec3(0.02, 0.015, 0.03)}},
+        lattice_of(make_torus(0.03, 0.012, 40, 20), 1.5e-3),
+        lattice_of(
+            make_star_shaped(Vec3::Zero(), 10, [](const Vec3& d) { return 0.025 + 0.008 * d.x() * d.x(); }),
+            1e-3)}) {
     const Model model = block_model(8, shape);
     State state = make_state(model);
-    const double top = 0.1 + bounding_box(shape).max.z();
+    const double top = 0.1 + half_height(shape);
     double deepest = 0, peak = 0;
     for (int k = 0; k <= 60; ++k) {
       const double t = k / 60.0, depth = 0.012 * std::min({1.0, 4 * t, 4 * (1 - t)}) - 0.001;
@@ -142,11 +146,12 @@ TEST(Step, PlaneAgreesWithAFullMatrixSolve) {
 }
 
 TEST(Step, PrescribedLawPutsEveryTouchedNodeOnTheSurface) {
-  for (const Shape& shape : {Shape{Sphere{0.03}}, Shape{Cuboid{Vec3(0.02, 0.015, 0.03)}}}) {
+  for (const Shape& shape : {Shape{Sphere{0.03}}, Shape{Cuboid{Vec3(0.02, 0.015, 0.03)}},
+                             lattice_of(make_torus(0.03, 0.012, 40, 20), 1.5e-3)}) {
     const Model model = block_model(8, shape, Mode::prescribed);
     State state = make_state(model);
     for (int k = 0; k < 10; ++k) {
-      const Input input = at(Vec3(0.002 * k, 0, 0.1 + bounding_box(shape).max.z() - 0.001 * (k + 1)));
+      const Input input = at(Vec3(0.002 * k, 0, 0.1 + half_height(shape) - 0.001 * (k + 1)));
       step(model, state, input);
       ASSERT_EQ(state.status & not_converged, 0u);
       std::size_t touched = 0;
