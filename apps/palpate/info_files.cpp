@@ -90,14 +90,22 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
   facts.object["anchors"] = anchors;
   std::replace(anchors.begin(), anchors.end(), '\n', ';');
   facts.add("anchors", anchors.size() > 100 ? anchors.substr(0, 100) + "..." : anchors);
-  facts.add("compliance", fmt::format("{}, {} free rows, {} in memory", in.text("storage"), 3 * free,
-                                      human_bytes(36 * free * free)));
+  const std::string storage = in.text("storage");
+  std::size_t bytes = storage == storage_name(Storage::half) ? 18 * free * free : 36 * free * free;
+  if (in.has("compliance/values")) bytes = 4 * rows(in, "compliance/values");
+  facts.add("compliance",
+            fmt::format("{}, {} free rows, {} in memory", storage, 3 * free, human_bytes(bytes)));
+  if (storage == storage_name(Storage::hierarchical)) {
+    facts.add("certificate", fmt::format("relative error of a block at most {:.2g}, tolerance {:.2g}",
+                                         in.number("error"), in.number("tolerance")));
+    facts.object["certified_error"] = in.number("error"), facts.object["tolerance"] = in.number("tolerance");
+  }
   facts.add("made of", in.text("provenance"));
   facts.object.update({{"nodes", nodes},
                        {"tets", tets},
                        {"surface_nodes", row_of.size()},
                        {"free_nodes", free},
-                       {"storage", in.text("storage")},
+                       {"storage", storage},
                        {"provenance", in.text("provenance")},
                        {"version", in.version()}});
   if (options.verify) read_organ(options.input, true, console.progress("verify"));

@@ -73,6 +73,14 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
                 "fixed nodes (repeatable): box x0 y0 z0 x1 y1 z1 | sphere x y z r | half-space px py pz nx "
                 "ny nz | region NAME | nodes 1,2,3")
       ->allow_extra_args(false);
+  c->add_option(
+       "--storage", o.storage,
+       "auto | dense (float32) | half (float16) | factored (exact, small, slow to use) | hierarchical")
+      ->capture_default_str();
+  c->add_option("--tolerance", o.tolerance,
+                "of the hierarchical storage: certified error of each of its blocks")
+      ->capture_default_str();
+  c->add_option("--memory", o.memory, "that may be taken, as in 500M or 4G (default: what is free)");
   c->callback([&] { run_precompute(o, console); });
 }
 

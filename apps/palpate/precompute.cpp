@@ -5,7 +5,7 @@
 
 #include "commands.hpp"
 #include "palpate/base/timer.hpp"
-#include "palpate/compliance/blas.hpp"
+#include "palpate/compliance/storage.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
 #include "palpate/simulation/organ.hpp"
@@ -60,10 +60,39 @@ std::vector<Material> parse_materials(const std::vector<std::string>& texts,
   return out;
 }
 
+std::optional<Storage> parse_storage(const std::string& text) {
+  if (text == "auto") return std::nullopt;
+  if (text == "dense") return Storage::dense;
+  if (text == "half") return Storage::half;
+  if (text == "factored") return Storage::factored;
+  if (text == "hierarchical") return Storage::hierarchical;
+  throw Error(ErrorKind::usage, "--storage {}: say auto, dense, half, factored or hierarchical", text);
+}
+
+// "500M", "4G", or bytes.
+std::size_t parse_memory(const std::string& text) {
+  if (text.empty()) return 0;
+  double value = 0;
+  const auto [stop, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const std::string unit(stop, text.data() + text.size());
+  const double factor = unit == "G" || unit == "GB"   ? 1e9
+                        : unit == "M" || unit == "MB" ? 1e6
+                        : unit.empty()                ? 1
+                                                      : 0;
+  if (status != std::errc() || !(value * factor >= 1 && value * factor < 1e15))
+    throw Error(ErrorKind::usage, "--memory {}: say bytes, as in 500M or 4G", text);
+  return static_cast<std::size_t>(value * factor);
+}
+
 }  // namespace
 
 void run_precompute(const PrecomputeOptions& options, const Console& console) {
   const double unit = unit_in_metres(options.unit);
+  const StorageOptions storage{parse_storage(options.storage), options.tolerance,
+                               parse_memory(options.memory)};
+  if (!(storage.tolerance >= smallest_tolerance && storage.tolerance < 1))
+    throw Error(ErrorKind::usage, "--tolerance {}: {} to 1; for exact compliances use --storage factored",
+                storage.tolerance, smallest_tolerance);
   Timer timer = wall_timer();
   TetFile file = read_tets(options.input, unit);
   if (file.inverted)
@@ -82,8 +111,8 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
   Organ organ;
   {
     const Progress progress = console.progress("precompute");
-    organ =
-        bake(std::move(file.mesh), std::move(materials), std::move(anchors), console.threads, progress, &r);
+    organ = bake(std::move(file.mesh), std::move(materials), std::move(anchors), console.threads, progress,
+                 &r, storage);
   }
   stage_line(console, "stiffness", fmt::format("{} unknowns", 3 * r.nodes), r.assemble_seconds, 0);
   stage_line(console, "factor",
@@ -93,6 +122,12 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
              fmt::format("{} of {} surface nodes are free; {}", r.free_surface_nodes, r.surface_nodes,
                          organ.compliance.storage()),
              r.sweep_seconds, organ.compliance.bytes());
+  const auto* hierarchical = organ.compliance.as<HierarchicalCompliance>();
+  if (hierarchical)
+    stage_line(console, "certificate",
+               fmt::format("relative error of a block at most {:.2g}, tolerance {:.2g}; positive definite",
+                           hierarchical->matrix().error, hierarchical->matrix().tolerance),
+               0, 0);
   timer = wall_timer();
   write_organ(options.output, organ,
               fmt::format("palpate {} precompute {}", PALPATE_VERSION, options.input.filename().string()),
@@ -109,6 +144,9 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
                   {"order_s", r.order_seconds},
                   {"factor_s", r.factor_seconds},
                   {"sweep_s", r.sweep_seconds},
+                  {"storage", organ.compliance.storage()},
+                  {"storage_bytes", organ.compliance.bytes()},
+                  {"certified_error", hierarchical ? nlohmann::json(hierarchical->matrix().error) : nullptr},
                   {"bytes", std::filesystem::file_size(options.output)},
                   {"peak_memory_bytes", peak_resident_bytes()}});
 }

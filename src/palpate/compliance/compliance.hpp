@@ -1,10 +1,9 @@
 // C = (K^-1)_SS: displacement of surface nodes per force on surface nodes, m/N. One interface for all
-// storages; today: dense float32.
+// storages (storage.hpp, docs/compliance.md).
 #pragma once
 
 #include <memory>
 #include <span>
-#include <string>
 
 #include "palpate/base/huge_array.hpp"
 #include "palpate/base/progress.hpp"
@@ -12,35 +11,63 @@
 
 namespace palpate {
 
-// Symmetric positive definite. Const and thread-safe; none of the queries allocates.
+enum class Storage { dense, half, factored, hierarchical };
+const char* storage_name(Storage storage);  // "dense float32", "dense float16", "factored", "hierarchical"
+
+// What a storage has to do. Const and thread-safe. Factored and hierarchical need work space: a thread's
+// first call allocates it, its later ones do not.
+class ComplianceStorage {
+ public:
+  virtual ~ComplianceStorage() = default;
+  virtual Storage kind() const noexcept = 0;
+  virtual std::size_t nodes() const noexcept = 0;
+  virtual std::size_t bytes() const noexcept = 0;
+  virtual void apply(std::span<const Index> contacts, std::span<const float> forces,
+                     std::span<float> u) const noexcept = 0;
+  virtual void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
+                     std::size_t ld) const noexcept = 0;
+};
+
+// Symmetric positive definite. Const and thread-safe; copies share the numbers.
 class Compliance {
  public:
   Compliance() = default;
+  explicit Compliance(std::shared_ptr<const ComplianceStorage> storage) : storage_(std::move(storage)) {}
   // matrix: (3 nodes)^2, row-major, full.
   static Compliance dense(HugeArray<float> matrix, std::size_t nodes);
 
-  std::size_t nodes() const noexcept { return nodes_; }
-  const char* storage() const noexcept { return "dense float32"; }
-  std::size_t bytes() const noexcept { return matrix_.size() * sizeof(float); }
-  std::span<const float> matrix() const noexcept { return matrix_; }
+  std::size_t nodes() const noexcept { return storage_ ? storage_->nodes() : 0; }
+  const char* storage() const noexcept { return storage_name(storage_ ? storage_->kind() : Storage::dense); }
+  std::size_t bytes() const noexcept { return storage_ ? storage_->bytes() : 0; }
+  // The storage itself, where it is a T; otherwise null.
+  template <class T>
+  const T* as() const noexcept {
+    return dynamic_cast<const T*>(storage_.get());
+  }
+  // All numbers of the dense float32 storage; empty in the others.
+  std::span<const float> matrix() const noexcept;
 
   // u = C f for forces on a few nodes: u (3 nodes() floats, m) is overwritten; forces: 3 contacts.size()
-  // floats, N.
+  // floats, N. contacts: distinct, any order.
   void apply(std::span<const Index> contacts, std::span<const float> forces,
-             std::span<float> u) const noexcept;
+             std::span<float> u) const noexcept {
+    storage_->apply(contacts, forces, u);
+  }
   // The 3 contacts x 3 contacts block, row-major with leading dimension `ld` (>= 3 contacts.size()).
-  void block(std::span<const Index> contacts, std::span<float> out, std::size_t ld) const noexcept;
+  void block(std::span<const Index> contacts, std::span<float> out, std::size_t ld) const noexcept {
+    storage_->block(contacts, contacts, out, ld);
+  }
   // A rectangular block: rows of `rows`, columns of `columns`, row-major, leading dimension ld. For adding
   // contacts a few at a time.
   void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-             std::size_t ld) const noexcept;
-  // u at `rows` only, for forces on `contacts`.
-  void apply_at(std::span<const Index> rows, std::span<const Index> contacts, std::span<const float> forces,
-                std::span<float> u) const noexcept;
+             std::size_t ld) const noexcept {
+    storage_->block(rows, columns, out, ld);
+  }
+  // Row `row` (3 node + component) of the matrix: 3 nodes() floats.
+  void row(std::size_t row, std::span<float> out) const noexcept;
 
  private:
-  HugeArray<float> matrix_;
-  std::size_t nodes_ = 0;
+  std::shared_ptr<const ComplianceStorage> storage_;
 };
 
 }  // namespace palpate

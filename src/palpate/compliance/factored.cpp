@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "palpate/base/parallel_for.hpp"
+#include "palpate/compliance/cholesky_impl.hpp"
 #include "palpate/compliance/dense.hpp"
 
 namespace palpate {
@@ -104,37 +105,13 @@ void make_branches(const Symbolic& sym, const Loads& loads, Factored<Scalar>& ou
     branch_of[s] = static_cast<Index>(out.branches.size());
     out.branches.push_back(b);
   }
-  const std::size_t count = out.branches.size();
-  out.child_begin.assign(count + 1, 0);
-  for (std::size_t b = count; b-- > 0;) {
+  for (std::size_t b = out.branches.size(); b-- > 0;) {
     auto& branch = out.branches[b];
     const Index parent = sym.fronts[at(branch.front)].parent;
     if (parent < 0) continue;
     branch.parent = branch_of[at(parent)];
     branch.depth = out.branches[at(branch.parent)].path();
-    ++out.child_begin[at(branch.parent) + 1];
   }
-  std::partial_sum(out.child_begin.begin(), out.child_begin.end(), out.child_begin.begin());
-  out.children.resize(at(out.child_begin.back()));
-  std::vector<Index> fill(out.child_begin.begin(), out.child_begin.end() - 1);
-  for (std::size_t b = 0; b < count; ++b)
-    if (const Index p = out.branches[b].parent; p >= 0)
-      out.children[at(fill[at(p)]++)] = static_cast<Index>(b);
-}
-
-template <class Scalar>
-void make_panels(Factored<Scalar>& out) {
-  constexpr std::size_t rows = Factored<Scalar>::panel_rows;
-  std::vector<std::size_t> path((out.size() + rows - 1) / rows, 0);
-  for (const auto& b : out.branches)
-    for (std::size_t p = b.own / rows; p * rows < b.end; ++p)
-      if (b.own < b.end) path[p] = std::max(path[p], b.path());
-  std::size_t total = 0;
-  for (std::size_t p = 0; p < path.size(); ++p) {
-    out.panel_offset.push_back(total);
-    total += path[p] * out.leading(p * rows);
-  }
-  out.y = HugeArray<Scalar>(total);
 }
 
 // One group of ranks on its way to the root: Y <- L_pivots^-1 (loads + what the children left), and what is
@@ -251,19 +228,59 @@ struct Walk {
 }  // namespace
 
 template <class Scalar>
+std::size_t Factored<Scalar>::arrange() {
+  child_begin.assign(branches.size() + 1, 0);
+  for (const Branch& b : branches)
+    if (b.parent >= 0) ++child_begin[at(b.parent) + 1];
+  std::partial_sum(child_begin.begin(), child_begin.end(), child_begin.begin());
+  children.resize(at(child_begin.back()));
+  std::vector<Index> fill(child_begin.begin(), child_begin.end() - 1);
+  for (std::size_t b = 0; b < branches.size(); ++b)
+    if (const Index p = branches[b].parent; p >= 0) children[at(fill[at(p)]++)] = static_cast<Index>(b);
+
+  std::vector<std::size_t> path((size() + panel_rows - 1) / panel_rows, 0);
+  for (const Branch& b : branches)
+    for (std::size_t p = b.own / panel_rows; p * panel_rows < b.end; ++p)
+      if (b.own < b.end) path[p] = std::max(path[p], b.path());
+  std::size_t total = 0;
+  panel_offset.clear();
+  for (std::size_t p = 0; p < path.size(); ++p) {
+    panel_offset.push_back(total);
+    total += path[p] * leading(p * panel_rows);
+  }
+  return total;
+}
+
+namespace {
+
+template <class Scalar>
+Factored<Scalar> plan(const Symbolic& sym, const Loads& loads) {
+  Factored<Scalar> out;
+  out.load_at = loads.order;
+  make_branches(sym, loads, out);
+  return out;
+}
+
+}  // namespace
+
+std::size_t factored_entries(const Symbolic& symbolic, const Sparse& loads) {
+  return plan<float>(symbolic, sort_loads(symbolic, loads)).arrange();
+}
+
+template <class Scalar>
 Factored<Scalar> factor_compliance(const Cholesky& cholesky, const Sparse& matrix, int threads,
                                    const Progress& progress) {
   static_assert(Factored<Scalar>::panel_rows % group_rows == 0 && group_rows % 3 == 0);
   const Cholesky::Impl& impl = cholesky.impl();
-  Loads loads = sort_loads(impl.symbolic, matrix);
-  Factored<Scalar> out;
-  out.load_at = loads.order;
-  make_branches(impl.symbolic, loads, out);
-  make_panels(out);
+  const Loads loads = sort_loads(impl.symbolic, matrix);
+  Factored<Scalar> out = plan<Scalar>(impl.symbolic, loads);
+  out.y = HugeArray<Scalar>(out.arrange());
   Walk<Scalar>{impl, impl.symbolic, loads, out, {}}.run(threads, progress);
   return out;
 }
 
+template struct Factored<float>;
+template struct Factored<double>;
 template Factored<float> factor_compliance(const Cholesky&, const Sparse&, int, const Progress&);
 template Factored<double> factor_compliance(const Cholesky&, const Sparse&, int, const Progress&);
 

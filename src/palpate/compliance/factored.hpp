@@ -6,7 +6,9 @@
 #include <vector>
 
 #include "palpate/base/huge_array.hpp"
-#include "palpate/compliance/cholesky_impl.hpp"
+#include "palpate/base/progress.hpp"
+#include "palpate/compliance/multifrontal.hpp"
+#include "palpate/compliance/symbolic.hpp"
 
 namespace palpate {
 
@@ -44,6 +46,8 @@ struct Factored {
   std::size_t leading(std::size_t rank) const {
     return std::min(panel_rows, size() - rank / panel_rows * panel_rows);
   }
+  // Fills children and panel_offset from the branches. Returns the size of y.
+  std::size_t arrange();
 };
 
 // Loads: column 3 j + a of `loads` is a force pattern over the matrix' unknowns. The nodes that the three
@@ -52,6 +56,12 @@ struct Factored {
 template <class Scalar>
 Factored<Scalar> factor_compliance(const Cholesky& cholesky, const Eigen::SparseMatrix<double>& loads,
                                    int threads, const Progress& progress);
+
+// Numbers in Y, known before any work is done.
+std::size_t factored_entries(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads);
+
+// A unit force on each unknown of each node, of `all`.
+Eigen::SparseMatrix<double> unit_loads(std::size_t all, std::span<const Index> nodes);
 
 // C into `out`: full, symmetric, row-major, in the order of the loads.
 template <class Scalar>

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "palpate/base/parallel_for.hpp"
+#include "palpate/compliance/cholesky_impl.hpp"
 #include "palpate/compliance/dense.hpp"
 #include "palpate/compliance/factored.hpp"
 

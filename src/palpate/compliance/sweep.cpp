@@ -1,13 +1,11 @@
 #include <Eigen/SparseCore>
 
+#include "palpate/compliance/cholesky_impl.hpp"
 #include "palpate/compliance/factored.hpp"
 #include "palpate/compliance/multifrontal.hpp"
 
 namespace palpate {
 
-namespace {
-
-// A unit force on each unknown of each node.
 Eigen::SparseMatrix<double> unit_loads(std::size_t all, std::span<const Index> nodes) {
   std::vector<std::uint8_t> used(all, 0);
   Eigen::SparseMatrix<double> loads(static_cast<Index>(3 * all), static_cast<Index>(3 * nodes.size()));
@@ -24,6 +22,8 @@ Eigen::SparseMatrix<double> unit_loads(std::size_t all, std::span<const Index> n
   loads.finalize();
   return loads;
 }
+
+namespace {
 
 Progress share(const Progress& progress, double begin, double end) {
   Progress part{nullptr, progress.interrupted};

@@ -78,9 +78,19 @@ constexpr int type_number() {
   if constexpr (std::is_same_v<T, std::int32_t>) return 2;
   if constexpr (std::is_same_v<T, std::int64_t>) return 3;
   if constexpr (std::is_same_v<T, std::uint8_t>) return 4;
+  if constexpr (std::is_same_v<T, std::uint16_t>) return 5;
+}
+// float16, as h5py and others spell it; HDF5 1.10 has no name for it. Kept until the program ends.
+hid_t make_half() {
+  const hid_t half = H5Tcopy(H5T_IEEE_F32LE);
+  H5Tset_fields(half, 15, 10, 5, 0, 10);
+  H5Tset_size(half, 2);
+  H5Tset_ebias(half, 15);
+  return half;
 }
 hid_t stored_type(int number) {
-  const hid_t types[] = {H5T_IEEE_F32LE, H5T_IEEE_F64LE, H5T_STD_I32LE, H5T_STD_I64LE, H5T_STD_U8LE};
+  static const hid_t half = make_half();
+  const hid_t types[] = {H5T_IEEE_F32LE, H5T_IEEE_F64LE, H5T_STD_I32LE, H5T_STD_I64LE, H5T_STD_U8LE, half};
   return types[number];
 }
 
@@ -337,7 +347,7 @@ void ContainerReader::Impl::load_array(hid_t root, const std::string& name) {
   const int rank = H5Sget_simple_extent_ndims(space);
   const Id checksum(H5Aopen(set, "checksum", H5P_DEFAULT), H5Aclose);
   Array array;
-  for (int t = 0; t < 5; ++t)
+  for (int t = 0; t < 6; ++t)
     if (H5Tequal(type, stored_type(t)) > 0) array.type = t;
   if (rank < 0 || !checksum.ok() || array.type < 0) damaged("array " + name + " is none of ours");
   std::vector<hsize_t> dims(static_cast<std::size_t>(rank));
@@ -447,6 +457,7 @@ PALPATE_CONTAINER(double)
 PALPATE_CONTAINER(std::int32_t)
 PALPATE_CONTAINER(std::int64_t)
 PALPATE_CONTAINER(std::uint8_t)
+PALPATE_CONTAINER(std::uint16_t)
 #undef PALPATE_CONTAINER
 
 }  // namespace palpate

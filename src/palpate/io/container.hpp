@@ -25,8 +25,8 @@ class ContainerWriter {
   void attribute(const std::string& name, const std::string& value);
   void attribute(const std::string& name, double value);
   void attribute(const std::string& name, std::int64_t value);
-  // T: float, double, std::int32_t, std::int64_t, std::uint8_t. shape multiplies to values.size(). `name` may
-  // hold '/': groups.
+  // T: float, double, std::int32_t, std::int64_t, std::uint8_t; std::uint16_t: the bits of a float16. shape
+  // multiplies to values.size(). `name` may hold '/': groups.
   template <class T>
   void array(const std::string& name, std::span<const T> values, std::vector<std::size_t> shape,
              const std::string& unit, const std::string& meaning, const Progress& progress = {});

@@ -126,11 +126,11 @@ class HandoverWriter {
   }
 
   void matrix() {
-    const std::size_t s = organ_.surface_size(), n = 3 * organ_.compliance.nodes();
+    const std::size_t s = organ_.surface_size();
+    std::vector<float> c(3 * organ_.compliance.nodes());
     for (std::size_t i = 0; i < 3 * s; ++i) {
       const Index row = organ_.row_of[i / 3];
-      const float* c =
-          organ_.compliance.matrix().data() + (row < 0 ? 0 : (3 * static_cast<std::size_t>(row) + i % 3) * n);
+      if (row >= 0) organ_.compliance.row(3 * static_cast<std::size_t>(row) + i % 3, c);
       for (std::size_t j = 0; j < 3 * s; ++j) {
         const Index column = organ_.row_of[j / 3];
         if (row < 0 || column < 0)
@@ -156,14 +156,11 @@ class HandoverWriter {
 
   // How far a point gives way to a unit force: blue where it does not, red where it does most.
   void colours() {
-    const std::size_t n = 3 * organ_.compliance.nodes();
     std::vector<double> softness;
     for (const Index row : organ_.row_of) {
-      double trace = 0;
-      for (std::size_t k = 0; row >= 0 && k < 3; ++k)
-        trace += static_cast<double>(
-            organ_.compliance.matrix()[(3 * static_cast<std::size_t>(row) + k) * (n + 1)]);
-      softness.push_back(trace);
+      std::array<float, 9> own{};
+      if (row >= 0) organ_.compliance.block({&row, 1}, own, 3);
+      softness.push_back(static_cast<double>(own[0] + own[4] + own[8]));
     }
     const double most = *std::max_element(softness.begin(), softness.end());
     for (const double c : softness) {

@@ -1,11 +1,14 @@
 #include "palpate/simulation/organ.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <array>
 
 #include "palpate/base/hash.hpp"
 #include "palpate/base/timer.hpp"
-#include "palpate/compliance/multifrontal.hpp"
 #include "palpate/compliance/ordering.hpp"
+#include "palpate/compliance/storage.hpp"
 #include "palpate/elasticity/stiffness.hpp"
 
 namespace palpate {
@@ -47,14 +50,36 @@ void set_surface(Organ& organ, const std::vector<std::uint8_t>& anchored) {
                 "every surface node is anchored; nothing can move: anchor a smaller part");
 }
 
-void require_memory(std::size_t rows, std::size_t factor_entries) {
-  const std::size_t need = 9 * rows * rows * sizeof(float) + factor_entries * sizeof(double) / 2;
-  const std::size_t have = available_bytes();
-  if (need > have)
-    throw Error(ErrorKind::resource,
-                "the dense compliance of {} free surface nodes needs {:.1f} GB, {:.1f} GB are free; use "
-                "fewer surface nodes",
-                rows, static_cast<double>(need) * 1e-9, static_cast<double>(have) * 1e-9);
+// Peak bytes of baking to each storage, from the structure alone.
+std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads) {
+  const auto n = static_cast<std::size_t>(loads.cols());
+  const std::size_t y = sizeof(float) * factored_entries(symbolic, loads);
+  const std::size_t factor = y + 3 * sizeof(double) * symbolic.panel_entries / 2;  // and what is in flight
+  const std::size_t dense = y + sizeof(float) * n * n;
+  // Sketches and bases of all clusters: some 25 bytes for each number of Y, as measured.
+  return {std::max(factor, dense), std::max(factor, dense + 2 * n * n), factor,
+          std::max(factor, y + 25 * (y / 4))};
+}
+
+Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOptions& options,
+                       std::size_t rows) {
+  const std::size_t have = options.memory ? std::min(options.memory, available_bytes()) : available_bytes();
+  const auto fits = [&](Storage s) { return need[static_cast<std::size_t>(s)] <= have; };
+  // Dense up to 5,000 nodes: quickest to bake, and 0.9 GB in memory.
+  const Storage wanted = options.storage                        ? *options.storage
+                         : rows <= 5000 && fits(Storage::dense) ? Storage::dense
+                                                                : Storage::hierarchical;
+  if (fits(wanted)) return wanted;
+  std::string others;
+  for (const Storage s : {Storage::dense, Storage::half, Storage::hierarchical, Storage::factored})
+    if (fits(s))
+      others += fmt::format("{}{} ({:.2g} GB)", others.empty() ? "" : ", ", storage_name(s),
+                            static_cast<double>(need[static_cast<std::size_t>(s)]) * 1e-9);
+  throw Error(ErrorKind::resource,
+              "the {} compliance of {} free surface nodes needs {:.2g} GB, {:.2g} GB are {}; {}",
+              storage_name(wanted), rows, static_cast<double>(need[static_cast<std::size_t>(wanted)]) * 1e-9,
+              static_cast<double>(have) * 1e-9, options.memory ? "allowed" : "free",
+              others.empty() ? "use fewer surface nodes" : "these storages fit: " + others);
 }
 
 // A part's share [from, to] of the whole bar.
@@ -65,10 +90,23 @@ Progress part(const Progress& whole, double from, double to) {
   return p;
 }
 
+Compliance store(Factored<float> y, Storage storage, const std::vector<Vec3>& positions, double tolerance,
+                 int threads, const Progress& progress) {
+  const std::size_t n = y.size();
+  if (storage == Storage::factored) return Compliance(std::make_shared<FactoredCompliance>(std::move(y)));
+  if (storage == Storage::hierarchical)
+    return Compliance(
+        std::make_shared<HierarchicalCompliance>(compress(y, positions, tolerance, threads, progress)));
+  HugeArray<float> c(n * n);
+  multiply_out<float>(y, c, threads, progress);
+  if (storage == Storage::half) return Compliance(std::make_shared<HalfCompliance>(c));
+  return Compliance::dense(std::move(c), n / 3);
+}
+
 }  // namespace
 
 Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads,
-           const Progress& progress, BakeReport* report) {
+           const Progress& progress, BakeReport* report, const StorageOptions& options) {
   BakeReport own;
   BakeReport& r = report ? *report : own;
   Organ organ;
@@ -81,31 +119,37 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
   organ.hash = organ_hash(organ.mesh, organ.materials, organ.anchors);
   r.nodes = organ.mesh.nodes.size(), r.tets = organ.mesh.tets.size();
   r.surface_nodes = organ.surface_size(), r.free_surface_nodes = organ.node_of_row.size();
-  require_memory(r.free_surface_nodes, 0);
 
   Timer timer = wall_timer();
   const FreeStiffness k = remove_anchored(assemble_stiffness(organ.mesh, organ.materials), anchored);
   r.assemble_seconds = timer.seconds();
   progress.at(0.02);
 
+  std::vector<Index> nodes;
+  std::vector<Vec3> positions;
+  for (const Index node : organ.node_of_row) {
+    nodes.push_back(k.free_of[static_cast<std::size_t>(organ.surface_nodes[static_cast<std::size_t>(node)])]);
+    positions.push_back(organ.surface.vertices[static_cast<std::size_t>(node)]);
+  }
+  const Eigen::SparseMatrix<double> loads = unit_loads(static_cast<std::size_t>(k.matrix.cols()) / 3, nodes);
+
   timer = wall_timer();
-  const std::vector<Index> order = nested_dissection(k.matrix);
+  Symbolic symbolic = analyse(node_graph(k.matrix), nested_dissection(k.matrix));
+  const Storage storage = choose_storage(bytes_needed(symbolic, loads), options, nodes.size());
   r.order_seconds = timer.seconds();
   progress.at(0.05);
 
   timer = wall_timer();
-  const Cholesky factor(k.matrix, order, threads, part(progress, 0.05, 0.2));
-  r.factor_seconds = timer.seconds();
-  r.factor_entries = factor.stats().factor_entries;
-  require_memory(r.free_surface_nodes, r.factor_entries);
-
-  timer = wall_timer();
-  std::vector<Index> nodes;
-  for (const Index node : organ.node_of_row)
-    nodes.push_back(k.free_of[static_cast<std::size_t>(organ.surface_nodes[static_cast<std::size_t>(node)])]);
-  HugeArray<float> c(9 * nodes.size() * nodes.size());
-  compliance_sweep<float>(factor, nodes, c, threads, part(progress, 0.2, 1.0));
-  organ.compliance = Compliance::dense(std::move(c), nodes.size());
+  Factored<float> y;
+  {
+    const Cholesky factor(k.matrix, std::move(symbolic), threads, part(progress, 0.05, 0.2));
+    r.factor_seconds = timer.seconds();
+    r.factor_entries = factor.stats().factor_entries;
+    timer = wall_timer();
+    y = factor_compliance<float>(factor, loads, threads, part(progress, 0.2, 0.4));
+  }
+  organ.compliance =
+      store(std::move(y), storage, positions, options.tolerance, threads, part(progress, 0.4, 1));
   r.sweep_seconds = timer.seconds();
   return organ;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,14 +35,21 @@ struct BakeReport {
   double assemble_seconds = 0, order_seconds = 0, factor_seconds = 0, sweep_seconds = 0;  // wall
 };
 
+// How the compliance is kept (docs/compliance.md).
+struct StorageOptions {
+  std::optional<Storage> storage = Storage::dense;  // none: by size and memory
+  double tolerance = 1e-3;                          // of the hierarchical storage
+  std::size_t memory = 0;                           // bytes that baking may take; 0: what is free
+};
+
 // Throws Error(geometry | physics | resource); memory is checked before the work starts.
 Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads = 0,
-           const Progress& progress = {}, BakeReport* report = nullptr);
+           const Progress& progress = {}, BakeReport* report = nullptr, const StorageOptions& storage = {});
 
 std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& materials,
                          const std::vector<Anchor>& anchors);
 
-// HDF5, container kind "model". The compliance is stored as its packed lower triangle. read_organ checks
+// HDF5, container kind "model". read_organ checks
 // sizes, indices and the hash; verify: checksums of the big arrays too.
 void write_organ(const std::filesystem::path& path, const Organ& organ, const std::string& provenance,
                  const Progress& progress = {});

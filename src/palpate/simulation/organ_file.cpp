@@ -1,9 +1,10 @@
-// Models as HDF5 (container.hpp, kind "model"): mesh, materials and anchors, and the compliance as its packed
-// lower triangle.
+// Models as HDF5 (container.hpp, kind "model"): mesh, materials and anchors, and the compliance in its
+// storage.
 #include <fmt/ranges.h>
 
 #include <algorithm>
 
+#include "palpate/compliance/compliance_file.hpp"
 #include "palpate/elasticity/stiffness.hpp"
 #include "palpate/io/container.hpp"
 #include "palpate/simulation/organ.hpp"
@@ -61,7 +62,7 @@ class ModelReader {
     organ.hash = static_cast<std::uint64_t>(in_.integer("hash"));
     check(organ);
     organ.areas = vertex_areas(organ.surface);
-    organ.compliance = compliance(organ.node_of_row.size());
+    organ.compliance = read_compliance(in_, path_.string(), organ.node_of_row.size(), verify_, progress_);
     return organ;
   }
 
@@ -117,24 +118,6 @@ class ModelReader {
     }
   }
 
-  Compliance compliance(std::size_t rows) const {
-    const std::size_t n = 3 * rows, packed_size = n * (n + 1) / 2;
-    const std::vector<std::size_t> shape = in_.shape("compliance/packed");
-    require(shape.size() == 1 && shape[0] == packed_size, "the compliance does not match the surface");
-    // The packed triangle is read into the end of the square, then spread row by row from the front: a row's
-    // place in the square never lies behind its place in the packed part that is still to be read.
-    HugeArray<float> c(n * n);
-    in_.array<float>("compliance/packed", {c.data() + n * n - packed_size, packed_size}, verify_, progress_);
-    const float* from = c.data() + n * n - packed_size;
-    for (std::size_t i = 0; i < n; from += ++i) std::copy(from, from + i + 1, c.data() + i * n);
-    constexpr std::size_t tile = 64;
-    for (std::size_t bi = 0; bi < n; bi += tile)
-      for (std::size_t bj = 0; bj <= bi; bj += tile)
-        for (std::size_t i = bi; i < std::min(n, bi + tile); ++i)
-          for (std::size_t j = bj; j < std::min(i, bj + tile); ++j) c[j * n + i] = c[i * n + j];
-    return Compliance::dense(std::move(c), rows);
-  }
-
   std::filesystem::path path_;
   ContainerReader in_;
   bool verify_;
@@ -152,7 +135,6 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
   std::vector<std::string> anchors;
   for (const Anchor& a : organ.anchors) anchors.push_back(to_string(a));
   out.attribute("anchors", fmt::format("{}", fmt::join(anchors, "\n")));
-  out.attribute("storage", organ.compliance.storage());
 
   std::vector<double> materials;
   for (const Material& m : organ.materials)
@@ -174,14 +156,7 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
   put("surface/nodes", organ.surface_nodes, 1, "", "mesh node of each surface node");
   put("surface/rows", organ.row_of, 1, "", "row of each surface node in the compliance, -1: anchored");
 
-  const std::size_t n = 3 * organ.compliance.nodes();
-  const std::span<const float> c = organ.compliance.matrix();
-  HugeArray<float> packed(n * (n + 1) / 2);
-  float* to = packed.data();
-  for (std::size_t i = 0; i < n; ++i) to = std::copy_n(c.data() + i * n, i + 1, to);
-  out.array<float>("compliance/packed", packed, {packed.size()}, "m/N",
-                   "lower triangle of the symmetric compliance by rows; row 3 r + a: displacement a of row r",
-                   progress);
+  write_compliance(out, organ.compliance, progress);
   out.commit();
 }
 

@@ -56,18 +56,6 @@ TEST(Compliance, ApplyIsTheProductForEveryCount) {
     }
 }
 
-TEST(Compliance, ApplyAtIsApplyThere) {
-  const Case k = make_case(50, 9, 3);
-  Eigen::VectorXf u(150);
-  const std::vector<Index> rows = {49, 0, 7, 8, 30};
-  k.compliance.apply_at(rows, k.contacts, {k.forces.data(), 27}, {u.data(), 15});
-  const Eigen::VectorXd all = expected(k);
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    EXPECT_LT(
-        (u.segment<3>(static_cast<Eigen::Index>(3 * i)).cast<double>() - all.segment<3>(3 * rows[i])).norm(),
-        1e-5);
-}
-
 TEST(Compliance, BlocksAreTheMatrixEntriesAndLeaveThePaddingAlone) {
   const Case k = make_case(30, 6, 5);
   const std::vector<Index> rows = {29, 3};

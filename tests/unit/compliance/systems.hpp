@@ -7,8 +7,11 @@
 #include <vector>
 
 #include "palpate/base/vec.hpp"
+#include "palpate/compliance/blas.hpp"
 
 namespace palpate {
+
+inline const bool blas_is_set_up = (set_up_blas(), true);
 
 using Sparse = Eigen::SparseMatrix<double>;
 

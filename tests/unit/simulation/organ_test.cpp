@@ -106,6 +106,60 @@ TEST_F(OrganFile, RoundTripKeepsEveryBit) {
       std::equal(a.compliance.matrix().begin(), a.compliance.matrix().end(), b.compliance.matrix().begin()));
 }
 
+TEST_F(OrganFile, EveryStorageComesBackWithTheSameBits) {
+  for (const Storage storage : all_storages) {
+    const Organ a = block_organ(6, {storage, 1e-3, 0});
+    EXPECT_STREQ(a.compliance.storage(), storage_name(storage));
+    write_organ(path_, a, "test");
+    for (const bool verify : {false, true}) {
+      const Organ b = read_organ(path_, verify);
+      EXPECT_STREQ(b.compliance.storage(), storage_name(storage));
+      ASSERT_EQ(a.compliance.nodes(), b.compliance.nodes());
+      EXPECT_EQ(a.compliance.bytes(), b.compliance.bytes());
+      std::vector<float> x(3 * a.compliance.nodes()), y(x);
+      for (const std::size_t row : {std::size_t{0}, std::size_t{100}, x.size() - 1}) {
+        a.compliance.row(row, x), b.compliance.row(row, y);
+        EXPECT_EQ(x, y);
+      }
+    }
+  }
+}
+
+TEST_F(OrganFile, DamageInEveryStorageIsANamedError) {
+  for (const Storage storage : all_storages) {
+    write_organ(path_, block_organ(4, {storage, 1e-2, 0}), "test");
+    std::ifstream in(path_, std::ios::binary);
+    const std::string whole((std::istreambuf_iterator<char>(in)), {});
+    const fs::path damaged = folder_ / "damaged.h5";
+    for (std::size_t at = 0; at < whole.size(); at += 1 + whole.size() / 150) {
+      std::string bytes = whole;
+      bytes[at] = static_cast<char>(bytes[at] ^ 0x40);
+      std::ofstream(damaged, std::ios::binary) << bytes;
+      for (const bool verify : {false, true}) {
+        const ErrorKind kind = kind_of([&] { read_organ(damaged, verify); });
+        EXPECT_TRUE(kind == ErrorKind::format || static_cast<int>(kind) == 0) << at;
+      }
+    }
+  }
+}
+
+TEST(Organ, MemoryIsPredictedAndWhatFitsIsNamed) {
+  // Too little for anything, then for the dense storage alone, then enough.
+  std::string seen;
+  for (std::size_t limit = 1000000; seen.empty() || seen.back() != 'd'; limit += limit / 16) try {
+      bake(make_block({Vec3::Zero(), Vec3(0.2, 0.2, 0.02)}, {20, 20, 2}), {{1e4, 0.45, 1000}},
+           {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitX()}}, 1, {}, nullptr, {Storage::dense, 1e-3, limit});
+      seen += 'd';
+    } catch (const Error& e) {
+      EXPECT_EQ(e.kind(), ErrorKind::resource);
+      const bool other = std::string(e.what()).find("factored (") != std::string::npos;
+      EXPECT_NE(other, std::string(e.what()).find("fewer surface nodes") != std::string::npos);
+      if (seen.empty() || seen.back() != (other ? 'f' : '-')) seen += other ? 'f' : '-';
+    }
+  EXPECT_EQ(seen, "-fd");
+  EXPECT_STREQ(block_organ(3, {std::nullopt, 1e-3, 0}).compliance.storage(), "dense float32");
+}
+
 TEST_F(OrganFile, DamageAndStalenessAreNamedErrors) {
   const Organ organ = block_organ(3);
   write_organ(path_, organ, "test");

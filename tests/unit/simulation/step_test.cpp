@@ -96,6 +96,28 @@ TEST(Step, UnilateralLawHoldsWhilePressingSlidingAndLeaving) {
   }
 }
 
+TEST(Step, EveryStorageGivesTheSameForces) {
+  constexpr double tolerance = 1e-3;
+  std::vector<Vec3> reference;
+  for (const Storage storage : all_storages) {
+    Model model = block_model(8, Sphere{0.03});
+    model.organ = block_organ(8, {storage, tolerance, 0});
+    State state = make_state(model);
+    std::vector<Vec3> forces;
+    for (int i = 0; i < 60; ++i) {
+      const Input input = at(Vec3(0.0003 * i, 0.0002 * i, 0.13 - 0.0002 * i));
+      step(model, state, input);
+      forces.push_back(state.wrenches[0].force);
+      if (i % 20 == 19) expect_signorini(model, state, input);
+    }
+    EXPECT_GE(state.contacts.size(), 6u);
+    if (reference.empty()) reference = forces;
+    for (std::size_t i = 0; i < forces.size(); ++i)
+      EXPECT_LE((forces[i] - reference[i]).norm(), 2 * tolerance * reference[i].norm() + 1e-6)
+          << storage_name(storage) << ' ' << i;
+  }
+}
+
 TEST(Step, AJumpStraightToDepthEndsWhereTheWayLeads) {
   const Model model = block_model(8, Sphere{0.03});
   State slow = make_state(model), fast = make_state(model);
