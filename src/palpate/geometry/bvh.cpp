@@ -1,5 +1,5 @@
 // Tree: binned surface-area heuristic (Wald, "On fast construction of SAH-based bounding volume hierarchies",
-// 2007). Search: depth first, nearer child first.
+// 2007). Search: wide_tree.hpp.
 #include "palpate/geometry/bvh.hpp"
 
 #include <algorithm>
@@ -69,7 +69,6 @@ constexpr int bins = 16;
 constexpr Index leaf_size = 8;
 // From here on nodes are halved by count: at most 31 levels more, which the search's stack holds.
 constexpr int deepest_by_area = 48;
-constexpr int stack_size = 96;
 
 float below(double x) {
   const auto f = static_cast<float>(x);
@@ -83,8 +82,11 @@ double half_area(const Box& box) {
   return s.x() * s.y() + s.y() * s.z() + s.z() * s.x();
 }
 
+// How many leaves n triangles fill: what they cost, as a leaf is searched at once.
+double leaves(Index n) { return static_cast<double>((n + leaf_size - 1) / leaf_size); }
+
 // Reorders [begin, end) and returns where the second part begins: the cheapest of 15 planes on each axis by
-// the sum of count times area, or the middle where no plane parts them.
+// the sum of leaves times area, or the middle where no plane parts them.
 std::size_t split(const std::vector<Box>& boxes, std::vector<Index>& order, std::size_t begin,
                   std::size_t end, int depth) {
   Box centers;
@@ -111,7 +113,7 @@ std::size_t split(const std::vector<Box>& boxes, std::vector<Index>& order, std:
     for (std::size_t b = bins - 1; b > 0; --b) {
       sum.add(box[b]);
       n += count[b];
-      right[b] = n > 0 ? n * half_area(sum) : -1;
+      right[b] = n > 0 ? leaves(n) * half_area(sum) : -1;
     }
     sum = Box{};
     n = 0;
@@ -119,7 +121,7 @@ std::size_t split(const std::vector<Box>& boxes, std::vector<Index>& order, std:
       sum.add(box[b]);
       n += count[b];
       if (n == 0 || right[b + 1] < 0) continue;
-      const double cost = n * half_area(sum) + right[b + 1];
+      const double cost = leaves(n) * half_area(sum) + right[b + 1];
       if (cost < best) best = cost, best_axis = axis, best_plane = static_cast<int>(b);
     }
   }
@@ -140,14 +142,13 @@ std::size_t split(const std::vector<Box>& boxes, std::vector<Index>& order, std:
 
 }  // namespace
 
-Bvh::Bvh(const TriangleMesh& mesh) {
+Bvh::Bvh(const TriangleMesh& mesh, Simd simd) {
   std::vector<Box> boxes(mesh.triangles.size());
   for (std::size_t i = 0; i < boxes.size(); ++i)
     for (const Index v : mesh.triangles[i]) boxes[i].add(mesh.vertices[static_cast<std::size_t>(v)]);
-  for (const Vec3& v : mesh.vertices) reach_ = std::max(reach_, v.cwiseAbs().maxCoeff());
   if (boxes.empty()) return;
 
-  struct Range {
+  struct Todo {
     std::size_t node, begin, end;
     int depth;
   };
@@ -155,9 +156,10 @@ Bvh::Bvh(const TriangleMesh& mesh) {
   std::iota(order.begin(), order.end(), 0);
   nodes_.reserve(2 * boxes.size());
   nodes_.emplace_back();
-  std::vector<Range> todo{{0, 0, boxes.size(), 0}};
+  std::vector<WideTree::Range> ranges;  // as nodes_
+  std::vector<Todo> todo{{0, 0, boxes.size(), 0}};
   while (!todo.empty()) {
-    const Range r = todo.back();
+    const Todo r = todo.back();
     todo.pop_back();
     Box box;
     for (std::size_t i = r.begin; i < r.end; ++i) box.add(boxes[static_cast<std::size_t>(order[i])]);
@@ -175,6 +177,9 @@ Bvh::Bvh(const TriangleMesh& mesh) {
       todo.push_back({child, r.begin, middle, r.depth + 1});
     }
     nodes_[r.node] = node;
+    ranges.resize(nodes_.size());
+    ranges[r.node] = {static_cast<Index>(r.begin), static_cast<Index>(r.end),
+                      node.count > 0 ? 0 : node.first};
   }
 
   corners_.reserve(order.size());
@@ -186,73 +191,36 @@ Bvh::Bvh(const TriangleMesh& mesh) {
                &b = mesh.vertices[static_cast<std::size_t>(t[1])],
                &c = mesh.vertices[static_cast<std::size_t>(t[2])];
     corners_.push_back({a, b, c, i});
-    const Vec3 center = (a + b + c) / 3, n = (b - a).cross(c - a);
-    const double longest2 = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-    const double radius = std::max({(a - center).norm(), (b - center).norm(), (c - center).norm()});
-    disks_.push_back({center, n.norm() > 1e-4 * longest2 ? Vec3(n.normalized()) : Vec3::Zero(), radius});
   }
+  std::vector<std::array<Vec3, 3>> corners;
+  corners.reserve(corners_.size());
+  for (const Corners& c : corners_) corners.push_back({c.a, c.b, c.c});
+  tree_ = WideTree(ranges, corners, simd);
 }
 
 ClosestPoint Bvh::closest(const Vec3& p, double bound_squared, Index hint) const {
-  ClosestPoint best;
-  best.distance_squared = bound_squared;
-  if (nodes_.empty() || !p.allFinite()) return best;
-  // Boxes and triangles as far as the best, give or take rounding, are still opened, so that ties fall as
-  // promised. (Normals of disks are good to 1e-12.)
-  const double rounding = 1e-11 * std::max(reach_, p.cwiseAbs().maxCoeff());
-  double farthest2 = 0;
-  const auto open_to_best = [&] {
-    const double farthest = std::sqrt(best.distance_squared) * (1 + 1e-14) + rounding;
-    farthest2 = farthest * farthest;
-  };
-  open_to_best();
-  const auto visit = [&](const Corners& t) {
-    ClosestPoint q = closest_on_triangle(p, t.a, t.b, t.c);
-    if (q.distance_squared < best.distance_squared ||
-        (q.distance_squared == best.distance_squared && best.triangle > t.triangle)) {
-      q.triangle = t.triangle;
-      best = q;
-      open_to_best();
-    }
-  };
-  const auto disk_distance2 = [&](const Disk& disk) {
-    const Vec3 r = p - disk.center;
-    const double height = disk.normal.dot(r), beside = disk.normal.cross(r).norm() - disk.radius;
-    return height * height + (beside > 0 ? beside * beside : 0);
-  };
-  const auto box_distance2 = [&](const Node& node) {
-    const Vec3 below_min = node.min.cast<double>() - p, above_max = p - node.max.cast<double>();
-    return below_min.cwiseMax(above_max).cwiseMax(0.0).squaredNorm();
-  };
-  if (hint >= 0) visit(corners_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(hint)])]);
-
-  struct Entry {
-    double distance2;
-    Index node;
-  };
-  std::array<Entry, stack_size> stack;
-  std::size_t top = 0;
-  stack[top++] = {box_distance2(nodes_[0]), 0};
-  while (top > 0) {
-    Entry entry = stack[--top];
-    if (entry.distance2 > farthest2) continue;
-    for (;;) {
-      const Node& node = nodes_[static_cast<std::size_t>(entry.node)];
-      if (node.count > 0) {
-        for (Index i = node.first; i < node.first + node.count; ++i)
-          if (disk_distance2(disks_[static_cast<std::size_t>(i)]) <= farthest2)
-            visit(corners_[static_cast<std::size_t>(i)]);
-        break;
+  struct Search {
+    const Bvh& bvh;
+    const Vec3& p;
+    ClosestPoint best;
+    static void take(void* context, const Index* slots, std::size_t n) {
+      auto& [bvh, p, best] = *static_cast<Search*>(context);
+      for (std::size_t i = 0; i < n; ++i) {
+        const Corners& t = bvh.corners_[static_cast<std::size_t>(slots[i])];
+        ClosestPoint q = closest_on_triangle(p, t.a, t.b, t.c);
+        if (q.distance_squared < best.distance_squared ||
+            (q.distance_squared == best.distance_squared && best.triangle > t.triangle)) {
+          q.triangle = t.triangle;
+          best = q;
+        }
       }
-      Entry near{box_distance2(nodes_[static_cast<std::size_t>(node.first)]), node.first};
-      Entry far{box_distance2(nodes_[static_cast<std::size_t>(node.first) + 1]), node.first + 1};
-      if (far.distance2 < near.distance2) std::swap(near, far);
-      if (near.distance2 > farthest2) break;
-      if (far.distance2 <= farthest2) stack[top++] = far;
-      entry = near;
     }
-  }
-  return best;
+  } search{*this, p, {}};
+  search.best.distance_squared = bound_squared;
+  if (p.allFinite())
+    tree_.search({p, std::sqrt(bound_squared), hint < 0 ? -1 : slot_[static_cast<std::size_t>(hint)],
+                  Search::take, &search});
+  return search.best;
 }
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/geometry/triangle_mesh.hpp"
+#include "palpate/geometry/wide_tree.hpp"
 
 namespace palpate {
 
@@ -26,7 +27,8 @@ ClosestPoint closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, co
 // Built once, then const and thread-safe. Keeps its own copy of the corners.
 class Bvh {
  public:
-  explicit Bvh(const TriangleMesh& mesh);
+  // simd: for tests; the answer is the same to the bit.
+  explicit Bvh(const TriangleMesh& mesh, Simd simd = best_simd());
   // The closest point nearer than sqrt(bound_squared). Of several at the same distance the lowest triangle
   // number wins, so the answer does not depend on the tree. `hint` is a triangle that is probably near (the
   // answer for a neighbouring point): it makes the search shorter and changes nothing else.
@@ -42,21 +44,14 @@ class Bvh {
     Index first;     // leaf: slots [first, first + count); inner: children first and first + 1
     Index count;     // 0: inner
   };
-  // A disk about each triangle, a lower bound of its distance that is nearly tight: of a hundred triangles
-  // whose boxes are near enough, a few remain to be looked at closely.
-  struct Disk {
-    Vec3 center, normal;  // normal: unit; zero (no bound) where the triangle is too thin to have a sure one
-    double radius;
-  };
   struct Corners {
     Vec3 a, b, c;
     Index triangle;
   };
   std::vector<Node> nodes_;
-  std::vector<Disk> disks_;       // in tree order: slots
-  std::vector<Corners> corners_;  // likewise
+  std::vector<Corners> corners_;  // in tree order: slots
   std::vector<Index> slot_;       // of each triangle
-  double reach_ = 0;              // largest coordinate, m: what rounding is measured by
+  WideTree tree_;                 // what closest() searches
 };
 
 template <class Test>

@@ -133,6 +133,7 @@ struct SignedDistanceField::Prepared {
   std::vector<Vec3> face_normals, edge_normals;
   SignMethod method = SignMethod::winding;
   std::string reason;
+  bool closed = false;
   bool flipped = false;
   std::size_t flipped_parts = 0;
 };
@@ -144,7 +145,7 @@ SignedDistanceField::Prepared SignedDistanceField::prepare(const TriangleMesh& m
   p.mesh = mesh;
   drop_duplicates(p.mesh);
   const MeshReport report = check(p.mesh);
-  const bool closed = report.closed() && report.oriented();
+  const bool closed = p.closed = report.closed() && report.oriented();
   p.flipped = (closed ? report.volume : volume_about_center(p.mesh)) < 0;
   if (p.flipped)
     for (Triangle& t : p.mesh.triangles) turn(t);
@@ -194,6 +195,7 @@ SignedDistanceField::SignedDistanceField(const TriangleMesh& mesh, std::optional
 SignedDistanceField::SignedDistanceField(Prepared&& p)
     : bvh_(p.mesh),
       method_(p.method),
+      closed_(p.closed),
       reason_(std::move(p.reason)),
       flipped_(p.flipped),
       flipped_parts_(p.flipped_parts),
@@ -211,7 +213,21 @@ Vec3 SignedDistanceField::pseudonormal(const ClosestPoint& c) const {
 }
 
 SignedDistance SignedDistanceField::at(const Vec3& p, double bound_squared, Index hint) const {
-  const ClosestPoint c = bvh_.closest(p, bound_squared, hint);
+  return with_sign(p, bvh_.closest(p, bound_squared, hint));
+}
+
+SignedDistance SignedDistanceField::beside(const Vec3& p, const Vec3& before,
+                                           const SignedDistance& there) const {
+  const ClosestPoint c =
+      bvh_.closest(p, std::numeric_limits<double>::infinity(), std::max(there.triangle, Index{-1}));
+  if (!closed_ || there.triangle < 0 || c.triangle < 0 ||
+      !(1.0001 * (p - before).norm() < std::abs(there.distance)))
+    return with_sign(p, c);
+  const double d = std::sqrt(c.distance_squared);
+  return {there.distance < 0 ? -d : d, c.point, Vec3::Zero(), c.triangle};
+}
+
+SignedDistance SignedDistanceField::with_sign(const Vec3& p, const ClosestPoint& c) const {
   SignedDistance r;
   r.triangle = c.triangle;
   if (c.triangle < 0) {

@@ -38,6 +38,9 @@ class SignedDistanceField {
   // Beyond the bound: distance infinite, triangle -1. Where p is no number: distance NaN.
   SignedDistance at(const Vec3& p, double bound_squared = std::numeric_limits<double>::infinity(),
                     Index hint = -1) const;
+  // The same as at(p), sooner where p is near `before`, whose answer `there` was: its triangle starts the
+  // search, and its sign holds where no surface can be between. (Then without a normal.)
+  SignedDistance beside(const Vec3& p, const Vec3& before, const SignedDistance& there) const;
   bool inside(const Vec3& p) const;
   SignMethod method() const { return method_; }
   // Why not pseudonormals, in words; empty when they are used or the caller chose.
@@ -51,10 +54,12 @@ class SignedDistanceField {
   static Prepared prepare(const TriangleMesh& mesh, std::optional<SignMethod> method);
   explicit SignedDistanceField(Prepared&& prepared);
   Vec3 pseudonormal(const ClosestPoint& c) const;
+  SignedDistance with_sign(const Vec3& p, const ClosestPoint& c) const;
 
   Bvh bvh_;
   std::optional<WindingNumber> winding_;
   SignMethod method_;
+  bool closed_ = false;  // and oriented: the sign changes at the surface only
   std::string reason_;
   bool flipped_ = false;
   std::size_t flipped_parts_ = 0;

@@ -149,34 +149,43 @@ LatticeSamples sample_lattice(const SignedDistanceField& surface, const Grid& gr
   samples.sign = surface.method();
   samples.distance.resize(grid.size());
   samples.closest.resize(grid.size());
-  // A chunk is a sheet of lines along z, walked to and fro, so that each point's neighbour was asked just
-  // before. Its triangle starts the search; the answer does not depend on it.
-  const auto ny = static_cast<std::size_t>(grid.n[1]), nz = static_cast<std::size_t>(grid.n[2]);
-  const std::size_t lines = static_cast<std::size_t>(grid.n[0]) * ny;
+  // A chunk is a tile of lines along z, walked to and fro, sheet by sheet, so that each point's neighbour was
+  // asked just before. Where that was starts the search; the answer does not depend on it.
+  constexpr int tile = 4;
+  const auto tiles = [&](std::size_t axis) {
+    return static_cast<std::size_t>((grid.n[axis] + tile - 1) / tile);
+  };
+  const std::size_t all_tiles = tiles(0) * tiles(1);
   std::mutex mutex;
   std::size_t done = 0;
   using Touching = std::pair<std::size_t, Vec3>;
   std::vector<Touching> all;
-  const auto fill = [&](std::size_t begin, std::size_t end) {
-    Index hint = -1;
+  const auto fill = [&](std::size_t first_tile, std::size_t last_tile) {
     std::vector<Touching> own;
-    for (std::size_t line = begin; line < end; ++line)
-      for (std::size_t step = 0; step < nz; ++step) {
-        const std::size_t k = (line - begin) % 2 == 0 ? step : nz - 1 - step, number = line * nz + k;
-        const Vec3 p =
-            grid.point(static_cast<int>(line / ny), static_cast<int>(line % ny), static_cast<int>(k));
-        const SignedDistance s = surface.at(p, std::numeric_limits<double>::infinity(), hint);
-        samples.distance[number] = s.distance;
-        samples.closest[number] = s.point;
-        if (std::abs(s.distance) < touches * grid.h) own.emplace_back(number, s.normal);
-        hint = s.triangle;
-      }
+    for (std::size_t t = first_tile; t < last_tile; ++t) {
+      const int i0 = tile * static_cast<int>(t / tiles(1)), j0 = tile * static_cast<int>(t % tiles(1));
+      const int ni = std::min(tile, grid.n[0] - i0), nj = std::min(tile, grid.n[1] - j0);
+      SignedDistance s;
+      Vec3 before = Vec3::Zero();
+      for (int k = 0; k < grid.n[2]; ++k)
+        for (int step = 0; step < ni * nj; ++step) {
+          const int at = k % 2 ? ni * nj - 1 - step : step, i = at / nj,
+                    j = i % 2 ? nj - 1 - at % nj : at % nj;
+          const Vec3 p = grid.point(i0 + i, j0 + j, k);
+          s = surface.beside(p, before, s);
+          before = p;
+          const std::size_t number = grid.number({i0 + i, j0 + j, k});
+          samples.distance[number] = s.distance;
+          samples.closest[number] = s.point;
+          if (std::abs(s.distance) < touches * grid.h) own.emplace_back(number, s.normal);
+        }
+    }
     const std::lock_guard lock(mutex);
     all.insert(all.end(), own.begin(), own.end());
-    done += end - begin;
-    progress.at(static_cast<double>(done) / static_cast<double>(lines));
+    done += last_tile - first_tile;
+    progress.at(static_cast<double>(done) / static_cast<double>(all_tiles));
   };
-  parallel_for(lines, std::clamp<std::size_t>(4096 / nz, 1, ny), threads, fill);
+  parallel_for(all_tiles, 1, threads, fill);
   std::sort(all.begin(), all.end(), [](const Touching& x, const Touching& y) { return x.first < y.first; });
   for (const auto& [number, normal] : all) {
     samples.touching.push_back(number);

@@ -94,22 +94,25 @@ TEST(Bvh, EqualsBruteForceToTheBit) {
     for (std::size_t i = 0; i < n; i += 3) mesh.triangles.push_back(mesh.triangles[i]);
     mesh.triangles.push_back({0, 0, 1});
     mesh.triangles.push_back({2, 2, 2});
-    const Bvh bvh(mesh);
-    Index hint = -1;
-    for (int i = 0; i < 800; ++i) {
-      Vec3 p = 2 * Vec3(u(random), u(random), u(random));
-      if (i % 10 == 0) p = mesh.vertices[static_cast<std::size_t>(i) % mesh.vertices.size()];
-      if (i % 10 == 1) p *= 1e6;
-      const ClosestPoint expected = brute_force(mesh, p), found = bvh.closest(p);
-      ASSERT_EQ(found.distance_squared, expected.distance_squared);
-      ASSERT_EQ(found.triangle, expected.triangle);
-      ASSERT_EQ(found.point, expected.point);
-      const ClosestPoint hinted = bvh.closest(p, std::numeric_limits<double>::infinity(), hint);
-      ASSERT_EQ(hinted.triangle, expected.triangle);
-      ASSERT_EQ(hinted.point, expected.point);
-      hint = found.triangle;
-      EXPECT_EQ(bvh.closest(p, expected.distance_squared).triangle, -1);
-      EXPECT_EQ(bvh.closest(p, expected.distance_squared * (1 + 1e-9) + 1e-300).triangle, expected.triangle);
+    for (const Simd simd : {Simd::portable, best_simd()}) {
+      const Bvh bvh(mesh, simd);
+      Index hint = -1;
+      for (int i = 0; i < 800; ++i) {
+        Vec3 p = 2 * Vec3(u(random), u(random), u(random));
+        if (i % 10 == 0) p = mesh.vertices[static_cast<std::size_t>(i) % mesh.vertices.size()];
+        if (i % 10 == 1) p *= 1e6;
+        const ClosestPoint expected = brute_force(mesh, p), found = bvh.closest(p);
+        ASSERT_EQ(found.distance_squared, expected.distance_squared);
+        ASSERT_EQ(found.triangle, expected.triangle);
+        ASSERT_EQ(found.point, expected.point);
+        const ClosestPoint hinted = bvh.closest(p, std::numeric_limits<double>::infinity(), hint);
+        ASSERT_EQ(hinted.triangle, expected.triangle);
+        ASSERT_EQ(hinted.point, expected.point);
+        hint = found.triangle;
+        EXPECT_EQ(bvh.closest(p, expected.distance_squared).triangle, -1);
+        EXPECT_EQ(bvh.closest(p, expected.distance_squared * (1 + 1e-9) + 1e-300).triangle,
+                  expected.triangle);
+      }
     }
   }
 }
@@ -123,6 +126,15 @@ TEST(Bvh, AThousandTrianglesAtOnePlaceAndNumbersThatAreNone) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(bvh.closest(Vec3(nan, 0, 0)).triangle, -1);
   EXPECT_EQ(Bvh(TriangleMesh{}).closest(Vec3::Zero()).triangle, -1);
+  // Where float32 overflows.
+  for (const Simd simd : {Simd::portable, best_simd()})
+    for (const double x : {1e20, 1e40, 1e100}) {
+      EXPECT_EQ(Bvh(test::torus(1, 0.4, 40, 20), simd).closest(Vec3(x, 0, 0)).distance_squared, x * x);
+      TriangleMesh huge = test::torus(1, 0.4, 40, 20);
+      for (Vec3& v : huge.vertices) v *= x * 1e-40;
+      EXPECT_NEAR(Bvh(huge, simd).closest(Vec3(2 * x * 1e-40, 0, 0)).distance_squared / (x * x * 1e-80), 0.36,
+                  1e-12);
+    }
 }
 
 // Doubling distances would make a tree by area as deep as it has triangles.
