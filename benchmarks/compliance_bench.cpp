@@ -1,17 +1,25 @@
-// From the kidney's stiffness to its compliance, beside CHOLMOD with blocked solves. One thread.
+// From the kidney's stiffness to its compliance in each storage, beside CHOLMOD with blocked solves and dense
+// inversion; then what the storages take online. One thread.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 
 #include "bench.hpp"
 #include "palpate/base/error.hpp"
 #include "palpate/base/timer.hpp"
-#include "palpate/compliance/multifrontal.hpp"
 #include "palpate/compliance/ordering.hpp"
+#include "palpate/compliance/storage.hpp"
 #include "palpate/elasticity/stiffness.hpp"
 #include "peers.hpp"
 #include "scenes.hpp"
+
+extern "C" {
+void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+void dpotri_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+}
 
 namespace palpate {
 
@@ -28,18 +36,43 @@ void require_equal(std::span<const float> a, std::span<const float> b) {
     throw Error(ErrorKind::internal, "compliance differs from CHOLMOD's by {} of {}", difference, size);
 }
 
+// The free kidney and its surface.
+struct Problem {
+  std::size_t all_nodes = 0;
+  FreeStiffness k;
+  std::vector<Index> nodes;  // on the surface, free numbering
+  std::vector<Vec3> positions;
+  Eigen::SparseMatrix<double> loads;
+};
+
+Problem make_problem(int surface_nodes) {
+  const scenes::Kidney kidney = scenes::pad_kidney(surface_nodes);
+  Problem p;
+  p.all_nodes = kidney.mesh.nodes.size();
+  p.k = remove_anchored(assemble_stiffness(kidney.mesh, kidney.materials),
+                        anchored_nodes(kidney.mesh, kidney.anchors));
+  for (const Index node : boundary(kidney.mesh).nodes)
+    if (const Index free = p.k.free_of[static_cast<std::size_t>(node)]; free >= 0) {
+      p.nodes.push_back(free);
+      p.positions.push_back(kidney.mesh.nodes[static_cast<std::size_t>(node)]);
+    }
+  p.loads = unit_loads(static_cast<std::size_t>(p.k.matrix.cols()) / 3, p.nodes);
+  return p;
+}
+
+void timed(std::vector<double>& out, const std::function<void()>& body) {
+  const Timer timer = cpu_timer();
+  body();
+  out.push_back(timer.seconds());
+}
+
 // Rows: factor (ordering included), sweep, total.
 std::vector<Value> compliance(int surface_nodes) {
-  const scenes::Kidney kidney = scenes::pad_kidney(surface_nodes);
-  const FreeStiffness k = remove_anchored(assemble_stiffness(kidney.mesh, kidney.materials),
-                                          anchored_nodes(kidney.mesh, kidney.anchors));
-  std::vector<Index> nodes, unknowns;
-  for (const Index node : boundary(kidney.mesh).nodes)
-    if (const Index free = k.free_of[static_cast<std::size_t>(node)]; free >= 0) {
-      nodes.push_back(free);
-      for (Index a = 0; a < 3; ++a) unknowns.push_back(3 * free + a);
-    }
-  const auto cholmod = peers::make_cholmod(k.matrix);
+  const Problem p = make_problem(surface_nodes);
+  std::vector<Index> unknowns;
+  for (const Index node : p.nodes)
+    for (Index a = 0; a < 3; ++a) unknowns.push_back(3 * node + a);
+  const auto cholmod = peers::make_cholmod(p.k.matrix);
   const std::size_t size = unknowns.size() * unknowns.size();
   warm_memory(size * sizeof(float) * (cholmod ? 3 : 2));
   HugeArray<float> ours(size), theirs;
@@ -47,16 +80,12 @@ std::vector<Value> compliance(int surface_nodes) {
 
   // Two timings in one run: of the whole, and of its first part.
   std::vector<double> our_factor, our_sweep, peer_factor, peer_solve;
-  const auto timed = [](std::vector<double>& out, const auto& body) {
-    const Timer timer = cpu_timer();
-    body();
-    out.push_back(timer.seconds());
-  };
   const Timer spent = cpu_timer();
   for (int run = 0; run < 7 && (run < 1 || spent.seconds() < 12); ++run) {
     std::unique_ptr<Cholesky> factor;
-    timed(our_factor, [&] { factor = std::make_unique<Cholesky>(k.matrix, nested_dissection(k.matrix), 1); });
-    timed(our_sweep, [&] { compliance_sweep<float>(*factor, nodes, ours, 1); });
+    timed(our_factor,
+          [&] { factor = std::make_unique<Cholesky>(p.k.matrix, nested_dissection(p.k.matrix), 1); });
+    timed(our_sweep, [&] { compliance_sweep<float>(*factor, p.nodes, ours, 1); });
     if (!cholmod) continue;
     timed(peer_factor, [&] { cholmod->factor(); });
     timed(peer_solve, [&] { cholmod->inverse_block(unknowns, 64, theirs); });
@@ -65,20 +94,141 @@ std::vector<Value> compliance(int surface_nodes) {
   const std::string peer = cholmod ? "CHOLMOD, blocked solves" : "";
   const double f = median(our_factor), s = median(our_sweep), pf = median(peer_factor),
                ps = median(peer_solve);
-  const std::string note =
-      fmt::format("{} nodes, {} free on the surface", kidney.mesh.nodes.size(), nodes.size());
+  const std::string note = fmt::format("{} nodes, {} free on the surface", p.all_nodes, p.nodes.size());
   return {{f, peer, pf, note}, {s, peer, ps}, {f + s, peer, pf + ps}};
+}
+
+// As in the thesis: all of K is inverted as a dense matrix.
+std::vector<Value> dense_inversion(int surface_nodes) {
+  const Problem p = make_problem(surface_nodes);
+  HugeArray<float> out(9 * p.nodes.size() * p.nodes.size());
+  const int n = static_cast<int>(p.k.matrix.cols());
+  const Medians m = in_turn(
+      [&] {
+        const Cholesky factor(p.k.matrix, nested_dissection(p.k.matrix), 1);
+        compliance_sweep<float>(factor, p.nodes, out, 1);
+      },
+      [&] {
+        Eigen::MatrixXd a(p.k.matrix);
+        int info = 0;
+        dpotrf_("L", &n, a.data(), &n, &info);
+        dpotri_("L", &n, a.data(), &n, &info);
+        keep(a(0, 0));
+      });
+  return {{m.ours, "dense inversion by LAPACK", m.peer, fmt::format("{} unknowns", n)}};
+}
+
+Factored<float> factor(const Problem& p) {
+  const Cholesky cholesky(p.k.matrix, nested_dissection(p.k.matrix), 1);
+  return factor_compliance<float>(cholesky, p.loads, 1, {});
+}
+
+std::string megabytes(std::size_t bytes) {
+  return fmt::format("{:.1f} MB", static_cast<double>(bytes) * 1e-6);
+}
+
+// 100 nodes around one of the surface, as in a contact.
+std::vector<Index> patch(const Problem& p) {
+  std::vector<Index> nodes(p.nodes.size());
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] = static_cast<Index>(i);
+  const auto distance = [&](Index i) {
+    return (p.positions[static_cast<std::size_t>(i)] - p.positions[7]).norm();
+  };
+  std::sort(nodes.begin(), nodes.end(), [&](Index a, Index b) { return distance(a) < distance(b); });
+  nodes.resize(100);
+  return nodes;
+}
+
+// ms of apply with 100 contacts; us of the block's rows of one new contact among them.
+std::vector<Value> queries(const Problem& p, const Compliance& c) {
+  const std::vector<Index> contacts = patch(p);
+  std::vector<float> forces(300, 0.01f), u(3 * p.nodes.size()), block(900);
+  std::vector<double> apply, one;
+  for (int i = 0; i < 60; ++i) {
+    Timer timer = thread_timer();
+    c.apply(contacts, forces, u);
+    apply.push_back(1e3 * timer.seconds());
+    timer = thread_timer();
+    c.block({&contacts[static_cast<std::size_t>(i)], 1}, contacts, block, 300);
+    one.push_back(1e6 * timer.seconds());
+  }
+  return {{median(apply), "", no_peer, megabytes(c.bytes())}, {median(one)}};
+}
+
+// Rows: dense and half, apply and block.
+std::vector<Value> dense_online(int surface_nodes) {
+  const Problem p = make_problem(surface_nodes);
+  HugeArray<float> matrix(9 * p.nodes.size() * p.nodes.size());
+  multiply_out<float>(factor(p), matrix, 1, {});
+  std::vector<Value> out;
+  const Compliance half(std::make_shared<HalfCompliance>(matrix));
+  const Compliance dense = Compliance::dense(std::move(matrix), p.nodes.size());
+  for (const Compliance& c : {dense, half})
+    for (const Value& v : queries(p, c)) out.push_back(v);
+  return out;
+}
+
+// Rows: to factored, from there to hierarchical, apply, block.
+std::vector<Value> compressed(int surface_nodes) {
+  const Problem p = make_problem(surface_nodes);
+  std::vector<double> to_factored, to_hierarchical;
+  Factored<float> y;
+  Hierarchical h;
+  timed(to_factored, [&] { y = factor(p); });
+  timed(to_hierarchical, [&] { h = compress(y, p.positions, 1e-3, 1); });
+  const std::string note =
+      fmt::format("certified {:.1e}, peak {}", h.error, megabytes(peak_resident_bytes()));
+  std::vector<Value> out{{median(to_factored), "", no_peer,
+                          fmt::format("{} nodes, {} free on the surface, {}", p.all_nodes, p.nodes.size(),
+                                      megabytes(4 * y.y.size()))},
+                         {median(to_hierarchical), "", no_peer, note}};
+  y = {};
+  const Compliance c(std::make_shared<HierarchicalCompliance>(std::move(h)));
+  for (const Value& v : queries(p, c)) out.push_back(v);
+  return out;
+}
+
+// A hierarchical model's file, opened.
+std::vector<Value> open_model(int surface_nodes) {
+  scenes::Kidney kidney = scenes::pad_kidney(surface_nodes);
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / "palpate-bench-model.h5";
+  write_organ(file,
+              bake(std::move(kidney.mesh), std::move(kidney.materials), std::move(kidney.anchors), 1, {},
+                   nullptr, {Storage::hierarchical, 1e-3, 0}),
+              "benchmark");
+  const auto bytes = std::filesystem::file_size(file);
+  const Medians m = in_turn([&] { keep(read_organ(file, false)); });
+  std::filesystem::remove(file);
+  return {{m.ours, "", no_peer, megabytes(bytes)}};
 }
 
 }  // namespace
 
 void register_compliance(Bench& bench) {
+  bench.add({{"compliance.inversion.600", "s"}}, [] { return dense_inversion(600); });
   for (const int n : {600, 3000, 10000})
     bench.add(
         {{fmt::format("compliance.factor.{}", n), "s"},
          {fmt::format("compliance.sweep.{}", n), "s"},
          {fmt::format("compliance.total.{}", n), "s"}},
         [n] { return compliance(n); }, n > 3000);
+  for (const int n : {3000, 10000})
+    bench.add(
+        {{fmt::format("compliance.apply.dense.{}", n), "ms"},
+         {fmt::format("compliance.block.dense.{}", n), "us"},
+         {fmt::format("compliance.apply.half.{}", n), "ms"},
+         {fmt::format("compliance.block.half.{}", n), "us"}},
+        [n] { return dense_online(n); }, n > 3000);
+  for (const int n : {3000, 10000, 30000, 100000})
+    bench.add(
+        {{fmt::format("compliance.factored.{}", n), "s"},
+         {fmt::format("compliance.hierarchical.{}", n), "s"},
+         {fmt::format("compliance.apply.hierarchical.{}", n), "ms"},
+         {fmt::format("compliance.block.hierarchical.{}", n), "us"}},
+        [n] { return compressed(n); }, n > 3000);
+  for (const int n : {3000, 10000})
+    bench.add(
+        {{fmt::format("compliance.open.{}", n), "s"}}, [n] { return open_model(n); }, n > 3000);
 }
 
 }  // namespace palpate

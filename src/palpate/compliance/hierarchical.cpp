@@ -15,7 +15,7 @@ namespace {
 
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-constexpr std::size_t leaf_nodes = 24;  // at most
+constexpr std::size_t leaf_nodes = 32;  // at most
 constexpr double separation = 3;        // far: the larger diameter is at most this times the distance
 
 struct Ball {
@@ -231,7 +231,7 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
     throw Error(ErrorKind::internal, "{} positions for {} loads", positions.size(), factored.load_at.size());
   // What the certificate finds in the worst block is some six times what is cut off.
   double cut = tolerance / 6;
-  std::size_t probes = 96;
+  std::size_t probes = 80;
   for (int attempt = 0; attempt < 8; ++attempt) {
     const auto report = [&](double f) { progress.at(1 - std::pow(0.3, attempt + f)); };
     report(0);

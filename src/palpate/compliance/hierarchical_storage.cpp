@@ -10,15 +10,7 @@ namespace {
 
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-struct WorkSpace {
-  std::vector<float> x, y, u, f;
-  std::vector<std::uint8_t> active;
-  std::vector<Index> list;
-};
-WorkSpace& work_space() {
-  static thread_local WorkSpace memory;
-  return memory;
-}
+enum : std::uint8_t { silent, speaks };  // of clusters in work.active
 
 // y += A x, A m x n column-major.
 void add_product(const float* a, std::size_t m, std::size_t n, const float* x, float* y) noexcept {
@@ -35,6 +27,16 @@ void add(bool mirrored, const float* a, std::size_t to, std::size_t from, const 
 }
 
 }  // namespace
+
+struct HierarchicalCompliance::WorkSpace {
+  std::vector<float> x, y, u, f;
+  std::vector<std::uint8_t> active;
+  std::vector<Index> list;
+};
+HierarchicalCompliance::WorkSpace& HierarchicalCompliance::work_space() noexcept {
+  static thread_local WorkSpace memory;
+  return memory;
+}
 
 HierarchicalCompliance::HierarchicalCompliance(Hierarchical matrix) : h_(std::move(matrix)) {
   const std::size_t clusters = h_.clusters();
@@ -114,19 +116,55 @@ void HierarchicalCompliance::apply(std::span<const Index> contacts, std::span<co
     std::copy_n(w.u.data() + 3 * p, 3, u.data() + 3 * at(h_.order[p]));
 }
 
-// The coefficients of unit forces on a node in all clusters that it is in: three for each, into x + 3 first_.
-void HierarchicalCompliance::expand(std::size_t place, float* x) const noexcept {
-  const std::size_t leaf = at(leaf_of_[place]), row = 3 * (place - h_.begin(leaf)), m = h_.unknowns(leaf);
-  const std::size_t width = h_.width(leaf);
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t k = 0; k < width; ++k)
-      x[3 * first_[leaf] + a * width + k] = h_.values[h_.basis[leaf] + k * m + row + a];
-  for (std::size_t c = leaf; c > 0; c = (c - 1) / 2) {
-    const std::size_t parent = (c - 1) / 2, k = h_.width(c), n = h_.width(parent);
-    std::fill_n(x + 3 * first_[parent], 3 * n, 0.0f);
+// The coefficients of unit forces on a node in cluster c, three for each, into x + 3 first_; those of the
+// cluster's child that it is in are there.
+void HierarchicalCompliance::expand(std::size_t place, std::size_t c, float* x) const noexcept {
+  const std::size_t width = h_.width(c);
+  float* to = x + 3 * first_[c];
+  if (h_.leaf(c)) {
+    const float* row = h_.values.data() + h_.basis[c] + 3 * (place - h_.begin(c));
     for (std::size_t a = 0; a < 3; ++a)
-      add_dots(h_.values.data() + h_.transfer[c], k, n, x + 3 * first_[c] + a * k,
-               x + 3 * first_[parent] + a * n);
+      for (std::size_t k = 0; k < width; ++k) to[a * width + k] = row[k * h_.unknowns(c) + a];
+    return;
+  }
+  const std::size_t child = place < h_.end(2 * c + 1) ? 2 * c + 1 : 2 * c + 2, n = h_.width(child);
+  std::fill_n(to, 3 * width, 0.0f);
+  for (std::size_t a = 0; a < 3; ++a)
+    add_dots(h_.values.data() + h_.transfer[child], n, width, x + 3 * first_[child] + a * n, to + a * width);
+}
+
+// What unit forces on the node at `place` do to the clusters in work.list: y, three for each coefficient, and
+// in the leaves u, three for each unknown, but for near leaves. Contacts are near each other, so most
+// clusters above the leaves have nothing to say; they are left out.
+void HierarchicalCompliance::spread(std::size_t place, WorkSpace& w) const noexcept {
+  const std::size_t leaf = at(leaf_of_[place]);
+  int expanded = h_.levels + 1;  // the clusters of these levels and below that the node is in have their x
+  for (const Index target : w.list) {
+    const std::size_t c = at(target), n = h_.width(c), parent = (c - 1) / 2;
+    const int level = Hierarchical::level(c);
+    const auto own = [&](int l) { return ((leaf + 1) >> (h_.levels - l)) - 1; };
+    const Link* link = find(c, own(level));
+    const bool far = link && !link->near, above = c > 0 && w.active[parent] == speaks;
+    w.active[c] = far || above ? speaks : silent;
+    if (!far && !above) continue;
+    float* y = w.y.data() + 3 * first_[c];
+    std::fill_n(y, 3 * n, 0.0f);
+    if (above)
+      for (std::size_t a = 0; a < 3; ++a)
+        add_product(h_.values.data() + h_.transfer[c], n, h_.width(parent),
+                    w.y.data() + 3 * first_[parent] + a * h_.width(parent), y + a * n);
+    if (far) {
+      while (expanded > level) expand(place, own(--expanded), w.x.data());
+      const std::size_t from = own(level);
+      for (std::size_t a = 0; a < 3; ++a)
+        add(link->mirrored, link->values, n, h_.width(from),
+            w.x.data() + 3 * first_[from] + a * h_.width(from), y + a * n);
+    }
+    if (!h_.leaf(c)) continue;
+    float* u = w.u.data() + 9 * h_.begin(c);
+    std::fill_n(u, 3 * h_.unknowns(c), 0.0f);
+    for (std::size_t a = 0; a < 3; ++a)
+      add_product(h_.values.data() + h_.basis[c], h_.unknowns(c), n, y + a * n, u + a * h_.unknowns(c));
   }
 }
 
@@ -135,6 +173,7 @@ void HierarchicalCompliance::block(std::span<const Index> rows, std::span<const 
   WorkSpace& w = work_space();
   if (w.x.size() < 3 * coefficients_) w.x.resize(3 * coefficients_);
   if (w.y.size() < 3 * coefficients_) w.y.resize(3 * coefficients_);
+  if (w.u.size() < 9 * h_.nodes) w.u.resize(9 * h_.nodes);
   w.active.assign(h_.clusters(), 0);
   w.list.clear();
   for (const Index node : columns)
@@ -146,38 +185,20 @@ void HierarchicalCompliance::block(std::span<const Index> rows, std::span<const 
   std::sort(w.list.begin(), w.list.end());  // parents first
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::size_t place = at(place_of_[at(rows[i])]), leaf = at(leaf_of_[place]);
-    expand(place, w.x.data());
-    for (const Index target : w.list) {
-      const std::size_t c = at(target), n = h_.width(c);
-      float* y = w.y.data() + 3 * first_[c];
-      std::fill_n(y, 3 * n, 0.0f);
-      if (c > 0) {
-        const std::size_t parent = (c - 1) / 2;
-        for (std::size_t a = 0; a < 3; ++a)
-          add_product(h_.values.data() + h_.transfer[c], n, h_.width(parent),
-                      w.y.data() + 3 * first_[parent] + a * h_.width(parent), y + a * n);
-      }
-      // The cluster of this level that the row is in.
-      const std::size_t from = ((leaf + 1) >> (h_.levels - Hierarchical::level(c))) - 1;
-      const Link* link = find(c, from);
-      if (!link || link->near) continue;
-      for (std::size_t a = 0; a < 3; ++a)
-        add(link->mirrored, link->values, n, h_.width(from),
-            w.x.data() + 3 * first_[from] + a * h_.width(from), y + a * n);
-    }
+    const std::size_t row = 3 * (place - h_.begin(leaf)), size = h_.unknowns(leaf);
+    spread(place, w);
     for (std::size_t j = 0; j < columns.size(); ++j) {
       const std::size_t p = at(place_of_[at(columns[j])]), c = at(leaf_of_[p]);
-      const std::size_t m = h_.unknowns(c), row = 3 * (p - h_.begin(c)), n = h_.width(c);
-      const float* y = w.y.data() + 3 * first_[c];
+      const std::size_t m = h_.unknowns(c), column = 3 * (p - h_.begin(c));
+      const float* u = w.active[c] == speaks ? w.u.data() + 9 * h_.begin(c) + column : nullptr;
       const Link* link = find(c, leaf);
-      const std::size_t other = 3 * (place - h_.begin(leaf)), size = h_.unknowns(leaf);
+      if (link && !link->near) link = nullptr;
       for (std::size_t a = 0; a < 3; ++a)
         for (std::size_t b = 0; b < 3; ++b) {
-          float sum = 0;
-          for (std::size_t k = 0; k < n; ++k) sum += h_.values[h_.basis[c] + k * m + row + b] * y[a * n + k];
-          if (link && link->near)
-            sum += link->mirrored ? link->values[(row + b) * size + other + a]
-                                  : link->values[(other + a) * m + row + b];
+          float sum = u ? u[a * m + b] : 0;
+          if (link)
+            sum += link->mirrored ? link->values[(column + b) * size + row + a]
+                                  : link->values[(row + a) * m + column + b];
           out[(3 * i + a) * ld + 3 * j + b] = sum;
         }
     }

@@ -96,7 +96,10 @@ class HierarchicalCompliance final : public ComplianceStorage {
     return {links_.data() + link_begin_[c], link_begin_[c + 1] - link_begin_[c]};
   }
   const Link* find(std::size_t c, std::size_t other) const noexcept;
-  void expand(std::size_t place, float* x) const noexcept;
+  struct WorkSpace;
+  static WorkSpace& work_space() noexcept;
+  void expand(std::size_t place, std::size_t c, float* x) const noexcept;
+  void spread(std::size_t place, WorkSpace& w) const noexcept;
 
   Hierarchical h_;
   std::vector<std::size_t> link_begin_;  // links of each cluster, ascending
