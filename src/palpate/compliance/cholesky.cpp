@@ -24,14 +24,6 @@ double flops(const Front& f) {
   return w * w * w / 3 + w * w * b + w * b * b;
 }
 
-[[noreturn]] void fail(Index node) {
-  throw Error(
-      ErrorKind::physics,
-      "the stiffness is not positive definite at free node {}: anchor the part of the body that it is "
-      "in, mend inverted or flat elements near it, or lower a Poisson's ratio that is too near 0.5",
-      node);
-}
-
 struct Factorisation {
   using Stack = TreeStack<double>;
   struct Worker {
@@ -171,7 +163,7 @@ struct Factorisation {
   }
 
   [[noreturn]] void fail_at(const Front& f, std::size_t column) const {
-    fail(impl.symbolic.node_at[at(f.first) + column / 3]);
+    throw NotPositiveDefinite(impl.symbolic.node_at[at(f.first) + column / 3]);
   }
 
   // update = - (panel below) (panel below)^T, lower triangle.

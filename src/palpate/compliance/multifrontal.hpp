@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "palpate/base/error.hpp"
 #include "palpate/base/huge_array.hpp"
 #include "palpate/base/progress.hpp"
 #include "palpate/base/vec.hpp"
@@ -23,12 +24,28 @@ struct SymbolicStats {
   double factor_flops = 0;
 };
 
+// A pivot that is not positive, or is noise beside the diagonal: the body can still move freely, or K is no
+// stiffness. node: in the matrix's numbering.
+class NotPositiveDefinite : public Error {
+ public:
+  explicit NotPositiveDefinite(Index node)
+      : Error(ErrorKind::physics,
+              "the stiffness is not positive definite at free node {}: anchor the part of the body that it "
+              "is in, "
+              "mend inverted or flat elements near it, or lower a Poisson's ratio that is too near 0.5",
+              node),
+        node_(node) {}
+  Index node() const noexcept { return node_; }
+
+ private:
+  Index node_;
+};
+
 // P A P^T = L L^T, float64. Built once, then const and thread-safe.
 class Cholesky {
  public:
   // matrix: symmetric positive definite, both triangles stored, 3 unknowns a node. order: elimination order
-  // of the nodes, from nested_dissection. Throws Error(physics) on a non-positive pivot with its node in the
-  // matrix's numbering and the likely causes.
+  // of the nodes, from nested_dissection. Throws NotPositiveDefinite.
   Cholesky(const Eigen::SparseMatrix<double>& matrix, const std::vector<Index>& order, int threads = 0,
            const Progress& progress = {});
   // With a structure that was found before (symbolic.hpp), as for other materials on the same mesh.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "palpate/base/hash.hpp"
 #include "palpate/base/timer.hpp"
@@ -82,6 +83,38 @@ Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOpti
               others.empty() ? "use fewer surface nodes" : "these storages fit: " + others);
 }
 
+// The likely cause, from the tetrahedra at the node. Anchors and inverted tetrahedra were checked before.
+[[noreturn]] void explain_pivot(const Organ& organ, Index node) {
+  double poisson = -1, flattest = 1;  // 1: regular
+  Index flat = -1;
+  for (std::size_t t = 0; t < organ.mesh.tets.size(); ++t) {
+    const Tetrahedron& tet = organ.mesh.tets[t];
+    if (std::find(tet.begin(), tet.end(), node) == tet.end()) continue;
+    poisson = std::max(poisson, organ.materials[static_cast<std::size_t>(organ.mesh.regions[t])].poisson);
+    double edge = 0;
+    std::array<Vec3, 4> x;
+    for (std::size_t i = 0; i < 4; ++i) x[i] = organ.mesh.nodes[static_cast<std::size_t>(tet[i])];
+    for (std::size_t i = 0; i < 4; ++i)
+      for (std::size_t j = 0; j < i; ++j) edge = std::max(edge, (x[i] - x[j]).norm());
+    const double shape =
+        std::sqrt(2.0) * (x[1] - x[0]).cross(x[2] - x[0]).dot(x[3] - x[0]) / (edge * edge * edge);
+    if (shape < flattest) flattest = shape, flat = static_cast<Index>(t);
+  }
+  const Vec3 at = organ.mesh.nodes[static_cast<std::size_t>(node)];
+  const std::string where =
+      fmt::format("the stiffness is not positive definite at node {} ({:.5g} {:.5g} {:.5g} m)", node, at.x(),
+                  at.y(), at.z());
+  if (flattest < 1e-6)
+    throw Error(ErrorKind::physics, "{}: tetrahedron {} there is flat; mend the mesh", where, flat);
+  if (poisson > 0.4999)
+    throw Error(ErrorKind::physics, "{}: Poisson's ratio {} there is too near 0.5; use 0.499 or less", where,
+                poisson);
+  throw Error(
+      ErrorKind::physics,
+      "{}: the anchors hardly hold its part of the body, or materials differ too much; anchor more of it",
+      where);
+}
+
 // A part's share [from, to] of the whole bar.
 Progress part(const Progress& whole, double from, double to) {
   Progress p = whole;
@@ -141,12 +174,14 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
 
   timer = wall_timer();
   Factored<float> y;
-  {
+  try {
     const Cholesky factor(k.matrix, std::move(symbolic), threads, part(progress, 0.05, 0.2));
     r.factor_seconds = timer.seconds();
     r.factor_entries = factor.stats().factor_entries;
     timer = wall_timer();
     y = factor_compliance<float>(factor, loads, threads, part(progress, 0.2, 0.4));
+  } catch (const NotPositiveDefinite& e) {
+    explain_pivot(organ, k.node_of[static_cast<std::size_t>(e.node())]);
   }
   organ.compliance =
       store(std::move(y), storage, positions, options.tolerance, threads, part(progress, 0.4, 1));

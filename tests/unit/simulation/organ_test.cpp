@@ -143,6 +143,23 @@ TEST_F(OrganFile, DamageInEveryStorageIsANamedError) {
   }
 }
 
+TEST(Organ, APivotThatIsNotPositiveNamesItsNodeAndTheLikelyCause) {
+  const TetMesh mesh = make_block({Vec3::Zero(), Vec3::Ones()}, {3, 3, 3});
+  const Anchor base = AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()};
+  const auto message = [&](const TetMesh& m, double poisson) {
+    try {
+      bake(m, {{1e4, poisson, 1000}}, {base});
+    } catch (const Error& e) {
+      EXPECT_EQ(e.kind(), ErrorKind::physics);
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  const std::string stiff = message(mesh, std::nextafter(0.5, 0));
+  EXPECT_NE(stiff.find("at node "), std::string::npos) << stiff;
+  EXPECT_NE(stiff.find("Poisson"), std::string::npos) << stiff;
+}
+
 TEST(Organ, MemoryIsPredictedAndWhatFitsIsNamed) {
   // Too little for anything, then for the dense storage alone, then enough.
   std::string seen;
