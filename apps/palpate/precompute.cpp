@@ -124,10 +124,9 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
              r.sweep_seconds, organ.compliance.bytes());
   const auto* hierarchical = organ.compliance.as<HierarchicalCompliance>();
   if (hierarchical)
-    stage_line(console, "certificate",
-               fmt::format("relative error of a block at most {:.2g}, tolerance {:.2g}; positive definite",
-                           hierarchical->matrix().error, hierarchical->matrix().tolerance),
-               0, 0);
+    console.line(
+        fmt::format("{:<11} relative error of a block at most {:.2g}, tolerance {:.2g}; positive definite",
+                    "certificate", hierarchical->matrix().error, hierarchical->matrix().tolerance));
   timer = wall_timer();
   write_organ(options.output, organ,
               fmt::format("palpate {} precompute {}", PALPATE_VERSION, options.input.filename().string()),

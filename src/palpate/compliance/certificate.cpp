@@ -32,7 +32,7 @@ class Certificate {
       : h_(h), sketches_(y, h, threads), progress_(progress) {}
 
   std::vector<double> run() {
-    sketches_.make(seed, probes, progress_);
+    sketches_.make(seed, probes, true, progress_);
     carry_up();
     std::vector<std::vector<Part>> parts(h_.clusters());
     sketches_.each(h_.levels, [&](std::size_t leaf) {

@@ -2,7 +2,9 @@
 #include "palpate/compliance/hierarchical.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <atomic>
 #include <cmath>
+#include <mutex>
 #include <random>
 
 #include "palpate/base/error.hpp"
@@ -16,7 +18,8 @@ namespace {
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 constexpr std::size_t leaf_nodes = 32;  // at most
-constexpr double separation = 3;        // far: the larger diameter is at most this times the distance
+constexpr unsigned seed = 1;
+constexpr double separation = 3;  // far: the larger diameter is at most this times the distance
 
 struct Ball {
   Vec3 center = Vec3::Zero();
@@ -81,6 +84,8 @@ struct Builder {
   double cut;          // of the bases
   Sketches sketches{y, h, threads};
   std::vector<std::vector<Index>> far_of = std::vector<std::vector<Index>>(h.clusters());
+  std::vector<std::atomic<std::size_t>> wanted = std::vector<std::atomic<std::size_t>>(h.clusters());
+  std::vector<std::once_flag> made = std::vector<std::once_flag>(std::size_t{1} << h.levels);
   std::vector<PathMatrix> seen = std::vector<PathMatrix>(h.clusters());  // Y times the basis
   std::vector<std::vector<float>> basis =
       std::vector<std::vector<float>>(h.clusters());  // or transfers, stacked
@@ -91,7 +96,8 @@ struct Builder {
       far_of[at(b.row)].push_back(b.column);
       far_of[at(b.column)].push_back(b.row);
     }
-    sketches.make(1, probes, progress);
+    for (std::size_t c = 0; c < far_of.size(); ++c) wanted[c] = far_of[c].size();
+    sketches.make(seed, probes, false, progress);
   }
 
   // The leading left singular vectors of a (m x probes) that leave less than `cut`: m x rank, column-major.
@@ -110,13 +116,23 @@ struct Builder {
     return {kept.data(), kept.data() + kept.size()};
   }
 
+  // A leaf's is made when it is wanted first, and each is dropped when it was wanted last: they are most of
+  // the memory.
+  const PathMatrix& sketch(std::size_t c) {
+    if (h.leaf(c))
+      std::call_once(made[c + 1 - (std::size_t{1} << h.levels)],
+                     [&] { sketches.make_leaf(seed, probes, c); });
+    return sketches.of(c);
+  }
+
   // Finds the bases of a subtree. `above`: the weighted sketch of the parent's far field.
   bool descend(std::size_t c, const PathMatrix* above) {
     PathMatrix field(sketches.rows(c), probes);
     if (above) add(*above, 1, field);
     for (const Index other : far_of[c]) {
       const double weight = 1 / std::sqrt(sketches.norm(c) * sketches.norm(at(other)));
-      add(sketches.of(at(other)), static_cast<float>(weight), field);
+      add(sketch(at(other)), static_cast<float>(weight), field);
+      if (--wanted[at(other)] == 0) sketches.drop(at(other));
     }
     if (h.leaf(c)) {
       const PathMatrix own = sketches.columns(c);
@@ -244,7 +260,6 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
         probes *= 2;
         continue;
       }
-      builder.sketches.clear();
       builder.fill();
     }
     report(0.6);

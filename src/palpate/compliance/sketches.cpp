@@ -43,23 +43,32 @@ Sketches::Sketches(const Factored<float>& y, const Hierarchical& h, int threads)
     each(l, [&](std::size_t c) { rows_[c] = LeafPaths::merge(y, rows_[2 * c + 1], rows_[2 * c + 2]); });
 }
 
-void Sketches::make(unsigned seed, std::size_t probes, const Progress& progress) {
-  each(h_.levels, [&](std::size_t c) {
-    const PathMatrix own = columns(c);
-    // Gaussian numbers, and the three translations, which give the norms.
-    std::vector<float> x = gaussian(seed, c, own.columns * probes);
-    x.resize(own.columns * (probes + 3));
-    for (std::size_t i = 0; i < own.columns; ++i) x[own.columns * (probes + i % 3) + i] = 1;
-    of_[c] = times(own, x.data(), probes + 3);
+void Sketches::make_leaf(unsigned seed, std::size_t probes, std::size_t c) {
+  const PathMatrix own = columns(c);
+  // Gaussian numbers, and the three translations, which give the norms.
+  std::vector<float> x = gaussian(seed, c, own.columns * probes);
+  x.resize(own.columns * (probes + 3));
+  for (std::size_t i = 0; i < own.columns; ++i) x[own.columns * (probes + i % 3) + i] = 1;
+  of_[c] = times(own, x.data(), probes + 3);
+}
+
+void Sketches::make(unsigned seed, std::size_t probes, bool keep_leaves, const Progress& progress) {
+  const auto leaf = [&](std::size_t c) {
+    make_leaf(seed, probes, c);
     set_norm(c, probes);
-    stop_if_asked(progress);
-  });
+  };
+  if (top_ == h_.levels) each(h_.levels, leaf);
   for (int l = h_.levels - 1; l >= top_; --l)
     each(l, [&](std::size_t c) {
+      const std::size_t children[] = {2 * c + 1, 2 * c + 2};
       of_[c] = PathMatrix(rows_[c], probes + 3);
-      add(of_[2 * c + 1], 1, of_[c]);
-      add(of_[2 * c + 2], 1, of_[c]);
+      for (const std::size_t child : children) {
+        if (h_.leaf(child)) leaf(child);
+        add(of_[child], 1, of_[c]);
+        if (h_.leaf(child) && !keep_leaves) drop(child);
+      }
       set_norm(c, probes);
+      stop_if_asked(progress);
     });
 }
 

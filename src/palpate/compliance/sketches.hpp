@@ -19,10 +19,12 @@ PathMatrix times(const PathMatrix& a, const float* x, std::size_t columns);
 class Sketches {
  public:
   Sketches(const Factored<float>& y, const Hierarchical& h, int threads);
-  // Y times Gaussian probes for each cluster, from the leaves up to `top`, the level of the largest far
-  // blocks.
-  void make(unsigned seed, std::size_t probes, const Progress& progress);
-  void clear() { of_ = {}; }
+  // Y times Gaussian probes for each cluster, from the leaves up to top(), the level of the largest far
+  // blocks. keep_leaves: false to make the leaves' again when they are needed, by make_leaf: they are half of
+  // all.
+  void make(unsigned seed, std::size_t probes, bool keep_leaves, const Progress& progress);
+  void make_leaf(unsigned seed, std::size_t probes, std::size_t c);
+  void drop(std::size_t c) { of_[c] = {}; }
 
   const PathMatrix& of(std::size_t c) const { return of_[c]; }
   const PathRows& rows(std::size_t c) const { return rows_[c]; }

@@ -57,9 +57,9 @@ std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::S
   const std::size_t y = sizeof(float) * factored_entries(symbolic, loads);
   const std::size_t factor = y + 3 * sizeof(double) * symbolic.panel_entries / 2;  // and what is in flight
   const std::size_t dense = y + sizeof(float) * n * n;
-  // Sketches and bases of all clusters: some 25 bytes for each number of Y, as measured.
+  // Sketches and bases of the clusters: some 18 bytes for each number of Y, as measured.
   return {std::max(factor, dense), std::max(factor, dense + 2 * n * n), factor,
-          std::max(factor, y + 25 * (y / 4))};
+          std::max(factor, y + 18 * (y / 4))};
 }
 
 Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOptions& options,
