@@ -1,6 +1,7 @@
 // Building and asking lattices. A torus of 200,000 triangles in a cubic grid.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -76,25 +77,46 @@ std::vector<Value> fill(int n, const Runs& runs) {
   return {{m.ours * ns, embree ? "Embree 3" : "", m.peer * ns, note}};
 }
 
-std::vector<Value> query_distance(int n) {
+// Interleaved bits of the cell: neighbours in space are neighbours in the list.
+std::uint64_t morton(const Grid& grid, const Vec3f& p) {
+  std::uint64_t code = 0;
+  for (int a = 0; a < 3; ++a) {
+    const auto x = static_cast<std::uint64_t>((static_cast<double>(p[a]) - grid.origin[a]) / grid.h);
+    for (unsigned bit = 0; bit < 20; ++bit) code |= (x >> bit & 1u) << (3 * bit + static_cast<unsigned>(a));
+  }
+  return code;
+}
+
+// A million points. Ours are float32, as contact would hand them over; the peer converts its own beforehand.
+std::vector<Value> query(int n, bool sorted, Lattice::Storage storage) {
   const LatticeSamples samples = smooth_torus(cube_grid(n));
-  const Lattice lattice(samples);
+  const Lattice lattice(samples, storage);
   const Grid& grid = lattice.grid();
   const auto openvdb = peers::make_openvdb(grid.origin, grid.h, grid.n, lattice.distances());
   std::mt19937_64 random(1);
-  std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1) * (1 - 1e-9));
-  std::vector<Vec3> points(1000000);
-  for (Vec3& p : points) p = grid.origin + Vec3(unit(random), unit(random), unit(random));
-  std::vector<double> out(points.size()), peer_out(points.size());
-  const Medians m =
-      in_turn([&] { lattice.distance(points, out); },
-              openvdb ? [&] { openvdb->sample(points, peer_out); } : std::function<void()>(), {5, 25, 3});
+  std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1) * (1 - 1e-6));
+  std::vector<Vec3f> points(1000000);
+  for (Vec3f& p : points) p = (grid.origin + Vec3(unit(random), unit(random), unit(random))).cast<float>();
+  if (sorted)
+    std::sort(points.begin(), points.end(),
+              [&](const Vec3f& a, const Vec3f& b) { return morton(grid, a) < morton(grid, b); });
+  std::vector<Vec3> peer_points;
+  for (const Vec3f& p : points) peer_points.push_back(p.cast<double>());
+  std::vector<float> out(points.size()), again(points.size());
+  std::vector<Vec3f> gradient(points.size());
+  std::vector<double> peer_out(points.size());
+  const Runs runs{5, 25, 2};
+  const auto peer = openvdb ? [&] { openvdb->sample(peer_points, peer_out); } : std::function<void()>();
+  const Medians m = in_turn([&] { lattice.sample(points, {out, {}, {}}); }, peer, runs);
+  const Medians g = in_turn([&] { lattice.sample(points, {again, gradient, {}}); }, {}, runs);
+  const double allowed = storage == Lattice::Storage::float16 ? 1e-3 : 4e-5;  // float32 knows a place in 256 cells to 2e-5
   if (openvdb)
     for (std::size_t i = 0; i < points.size(); ++i)
-      if (std::abs(out[i] - peer_out[i]) > 1e-6)
+      if (std::abs(static_cast<double>(out[i]) - peer_out[i]) >
+          allowed * (std::abs(peer_out[i]) + 2 * grid.h))
         throw Error(ErrorKind::internal, "point {}: distance {} here, {} by OpenVDB", i, out[i], peer_out[i]);
   const double ns = 1e9 / static_cast<double>(points.size());
-  return {{m.ours * ns, openvdb ? "OpenVDB BoxSampler" : "", m.peer * ns}};
+  return {{m.ours * ns, openvdb ? "OpenVDB BoxSampler" : "", m.peer * ns}, {g.ours * ns}};
 }
 
 }  // namespace
@@ -102,8 +124,14 @@ std::vector<Value> query_distance(int n) {
 void register_lattice(Bench& bench) {
   bench.add({{"lattice.fill.torus200k.28", "ns/point"}}, [] { return fill(28, {3, 9, 4}); });
   bench.add({{"lattice.fill.torus200k.128", "ns/point"}}, [] { return fill(128, {2, 3, 60}); });
-  bench.add({{"lattice.query.64.random.distance", "ns/query"}}, [] { return query_distance(64); });
-  bench.add({{"lattice.query.256.random.distance", "ns/query"}}, [] { return query_distance(256); });
+  for (const int n : {64, 256})
+    for (const bool sorted : {false, true})
+      for (const auto storage : {Lattice::Storage::float32, Lattice::Storage::float16}) {
+        const std::string name = fmt::format("lattice.query.{}.{}.", n, sorted ? "sorted" : "random");
+        const std::string half = storage == Lattice::Storage::float16 ? ".float16" : "";
+        bench.add({{name + "distance" + half, "ns/query"}, {name + "gradient" + half, "ns/query"}},
+                  [=] { return query(n, sorted, storage); });
+      }
 }
 
 }  // namespace palpate

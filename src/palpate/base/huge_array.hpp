@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 namespace palpate {
 
@@ -43,5 +45,28 @@ class HugeArray {
   T* data_ = nullptr;
   std::size_t size_ = 0;
 };
+
+// The same for std::vector; what is smaller than a huge page comes from the heap.
+template <class T>
+struct HugeAllocator {
+  using value_type = T;
+  HugeAllocator() = default;
+  template <class U>
+  HugeAllocator(const HugeAllocator<U>&) noexcept {}
+  static constexpr std::size_t page = std::size_t{1} << 21;
+  T* allocate(std::size_t n) {
+    return n * sizeof(T) < page ? std::allocator<T>().allocate(n)
+                                : static_cast<T*>(huge_allocate(n * sizeof(T)));
+  }
+  void deallocate(T* memory, std::size_t n) noexcept {
+    if (n * sizeof(T) < page)
+      std::allocator<T>().deallocate(memory, n);
+    else
+      huge_free(memory, n * sizeof(T));
+  }
+  bool operator==(const HugeAllocator&) const noexcept { return true; }
+};
+template <class T>
+using HugeVector = std::vector<T, HugeAllocator<T>>;
 
 }  // namespace palpate

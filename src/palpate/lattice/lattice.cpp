@@ -7,6 +7,7 @@
 
 #include "palpate/base/parallel_for.hpp"
 #include "palpate/base/timer.hpp"
+#include "palpate/lattice/lattice_batch.hpp"
 
 namespace palpate {
 
@@ -65,13 +66,12 @@ struct Corners {
       weight[m] = x[i] * y[j] * z[k];
     }
   }
-  template <class T>
-  double mix(const std::vector<T>& values) const noexcept {
+  double mix(const auto& values) const noexcept {
     double sum = 0;
     for (std::size_t m = 0; m < 8; ++m) sum += weight[m] * static_cast<double>(values[at[m]]);
     return sum;
   }
-  Vec3 mix(const std::vector<Vec3f>& values) const noexcept {
+  Vec3 mix(const HugeVector<Vec3f>& values) const noexcept {
     Vec3 sum = Vec3::Zero();
     for (std::size_t m = 0; m < 8; ++m) sum += weight[m] * values[at[m]].cast<double>();
     return sum;
@@ -218,7 +218,7 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Latt
   return error;
 }
 
-Lattice::Lattice(const LatticeSamples& samples) : grid_(samples.grid), sign_(samples.sign) {
+Lattice::Lattice(const LatticeSamples& samples, Storage storage) : grid_(samples.grid), sign_(samples.sign) {
   const std::size_t n = grid_.size();
   distance_.reserve(n);
   closest_.reserve(n);
@@ -231,6 +231,46 @@ Lattice::Lattice(const LatticeSamples& samples) : grid_(samples.grid), sign_(sam
         closest_.push_back(samples.closest[at].cast<float>());
         gradient_.push_back(gradient_at(samples, {i, j, k}).cast<float>());
       }
+  if (storage != Storage::float16) return;
+  quads_.reserve(n);
+  for (int i = 0; i < grid_.n[0]; ++i)
+    for (int j = 0; j < grid_.n[1]; ++j)
+      for (int k = 0; k < grid_.n[2]; ++k) {
+        std::uint64_t quad = 0;
+        for (unsigned m = 0; m < 4; ++m) {
+          const std::size_t at = grid_.number({std::min(i + static_cast<int>(m >> 1), grid_.n[0] - 1),
+                                               std::min(j + static_cast<int>(m & 1), grid_.n[1] - 1), k});
+          quad |= std::uint64_t{to_half(static_cast<float>(samples.distance[at] / grid_.h))} << 16 * m;
+        }
+        quads_.push_back(quad);
+      }
+}
+
+void Lattice::sample(std::span<const Vec3f> points, const Batch& out, Simd simd) const noexcept {
+  BatchView view{
+      distance_.data(), quads_.empty() ? nullptr : quads_.data(), grid_.n, {}, static_cast<float>(grid_.h)};
+  for (std::size_t a = 0; a < 3; ++a) view.origin[a] = static_cast<float>(grid_.origin[static_cast<int>(a)]);
+  const bool indexed = grid_.size() < std::size_t{1} << 31;  // by 32 bits
+  std::array<float, batch_size> own;
+  std::array<std::uint8_t, batch_size> outside;
+  if (!indexed) outside.fill(1);
+  for (std::size_t begin = 0; begin < points.size(); begin += batch_size) {
+    const std::size_t n = std::min(batch_size, points.size() - begin);
+    float* const distances = out.distance.empty() ? own.data() : out.distance.data() + begin;
+    float* const gradients = out.gradient.empty() ? nullptr : out.gradient[begin].data();
+    if (indexed && !(out.distance.empty() && out.gradient.empty()))
+      interpolate_batch(view, simd, points[begin].data(), n, distances, gradients, outside.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      const Vec3 p = points[begin + i].cast<double>();
+      if (outside[i]) {
+        const LatticeSample s = sample(p);
+        distances[i] = static_cast<float>(s.distance);
+        if (gradients) out.gradient[begin + i] = s.gradient.cast<float>();
+      }
+      if (!out.closest.empty())
+        out.closest[begin + i] = closest(p).value_or(Vec3::Constant(std::nan(""))).cast<float>();
+    }
+  }
 }
 
 double Lattice::distance(const Vec3& p) const noexcept {
