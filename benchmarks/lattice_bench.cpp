@@ -109,7 +109,8 @@ std::vector<Value> query(int n, bool sorted, Lattice::Storage storage) {
   const auto peer = openvdb ? [&] { openvdb->sample(peer_points, peer_out); } : std::function<void()>();
   const Medians m = in_turn([&] { lattice.sample(points, {out, {}, {}}); }, peer, runs);
   const Medians g = in_turn([&] { lattice.sample(points, {again, gradient, {}}); }, {}, runs);
-  const double allowed = storage == Lattice::Storage::float16 ? 1e-3 : 4e-5;  // float32 knows a place in 256 cells to 2e-5
+  const double allowed =
+      storage == Lattice::Storage::float16 ? 1e-3 : 4e-5;  // float32 knows a place in 256 cells to 2e-5
   if (openvdb)
     for (std::size_t i = 0; i < points.size(); ++i)
       if (std::abs(static_cast<double>(out[i]) - peer_out[i]) >
@@ -119,11 +120,27 @@ std::vector<Value> query(int n, bool sorted, Lattice::Storage storage) {
   return {{m.ours * ns, openvdb ? "OpenVDB BoxSampler" : "", m.peer * ns}, {g.ours * ns}};
 }
 
+std::vector<Value> hermite(int n) {
+  const Lattice lattice(smooth_torus(cube_grid(n)));
+  const Grid& grid = lattice.grid();
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1));
+  std::vector<Vec3> points(1000000);
+  for (Vec3& p : points) p = grid.origin + Vec3(unit(random), unit(random), unit(random));
+  std::vector<LatticeSample> out(points.size());
+  const Medians m = in_turn([&] {
+    for (std::size_t i = 0; i < points.size(); ++i) out[i] = lattice.hermite(points[i]);
+  });
+  return {{m.ours * 1e9 / static_cast<double>(points.size()), "Discregrid cubic, recorded",
+           n == 64 ? 545 : no_peer, "with gradient"}};
+}
+
 }  // namespace
 
 void register_lattice(Bench& bench) {
   bench.add({{"lattice.fill.torus200k.28", "ns/point"}}, [] { return fill(28, {3, 9, 4}); });
   bench.add({{"lattice.fill.torus200k.128", "ns/point"}}, [] { return fill(128, {2, 3, 60}); });
+  bench.add({{"lattice.query.64.random.hermite", "ns/query"}}, [] { return hermite(64); });
   for (const int n : {64, 256})
     for (const bool sorted : {false, true})
       for (const auto storage : {Lattice::Storage::float32, Lattice::Storage::float16}) {

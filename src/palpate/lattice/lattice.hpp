@@ -93,6 +93,10 @@ class Lattice {
   // principal curvatures (the trilinear one by as much), and rounds edges over a cell. The gradient is that
   // of this distance, not normalised. Outside the box as sample().
   LatticeSample smooth(const Vec3& p) const noexcept;
+  // Of fourth order where the distance is smooth: interpolates the exact gradients too. Where they disagree
+  // (medial axis, sharp edges) as trilinear. The gradient is that of this distance, not normalised. Outside the
+  // box as sample().
+  LatticeSample hermite(const Vec3& p) const noexcept;
   // Many points at once, in float32: the fast form. The distance as distance(), the gradient the
   // interpolant's own (neither normalised nor continuous; outside the box sample()'s), the closest point as
   // closest(), no number where that has none. Spans that are not wanted may be empty, the others are as long
