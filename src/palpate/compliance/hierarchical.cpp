@@ -84,8 +84,13 @@ struct Builder {
   double cut;          // of the bases
   Sketches sketches{y, h, threads};
   std::vector<std::vector<Index>> far_of = std::vector<std::vector<Index>>(h.clusters());
-  std::vector<std::atomic<std::size_t>> wanted = std::vector<std::atomic<std::size_t>>(h.clusters());
-  std::vector<std::once_flag> made = std::vector<std::once_flag>(std::size_t{1} << h.levels);
+  // Leaves' matrices are most of the memory: made when they are wanted first, dropped when wanted last.
+  struct Wanted {
+    std::once_flag made;
+    std::atomic<std::size_t> left{0};
+  };
+  std::vector<Wanted> sketches_wanted = std::vector<Wanted>(h.clusters());
+  std::vector<Wanted> seen_wanted = std::vector<Wanted>(h.clusters());
   std::vector<PathMatrix> seen = std::vector<PathMatrix>(h.clusters());  // Y times the basis
   std::vector<std::vector<float>> basis =
       std::vector<std::vector<float>>(h.clusters());  // or transfers, stacked
@@ -96,7 +101,8 @@ struct Builder {
       far_of[at(b.row)].push_back(b.column);
       far_of[at(b.column)].push_back(b.row);
     }
-    for (std::size_t c = 0; c < far_of.size(); ++c) wanted[c] = far_of[c].size();
+    for (std::size_t c = 0; c < far_of.size(); ++c)
+      sketches_wanted[c].left = seen_wanted[c].left = far_of[c].size();
     sketches.make(seed, probes, false, progress);
   }
 
@@ -116,13 +122,15 @@ struct Builder {
     return {kept.data(), kept.data() + kept.size()};
   }
 
-  // A leaf's is made when it is wanted first, and each is dropped when it was wanted last: they are most of
-  // the memory.
   const PathMatrix& sketch(std::size_t c) {
-    if (h.leaf(c))
-      std::call_once(made[c + 1 - (std::size_t{1} << h.levels)],
-                     [&] { sketches.make_leaf(seed, probes, c); });
+    if (h.leaf(c)) std::call_once(sketches_wanted[c].made, [&] { sketches.make_leaf(seed, probes, c); });
     return sketches.of(c);
+  }
+  const PathMatrix& seen_by(std::size_t c) {
+    if (h.leaf(c))
+      std::call_once(seen_wanted[c].made,
+                     [&] { seen[c] = times(sketches.columns(c), basis[c].data(), h.width(c)); });
+    return seen[c];
   }
 
   // Finds the bases of a subtree. `above`: the weighted sketch of the parent's far field.
@@ -132,7 +140,7 @@ struct Builder {
     for (const Index other : far_of[c]) {
       const double weight = 1 / std::sqrt(sketches.norm(c) * sketches.norm(at(other)));
       add(sketch(at(other)), static_cast<float>(weight), field);
-      if (--wanted[at(other)] == 0) sketches.drop(at(other));
+      if (--sketches_wanted[at(other)].left == 0) sketches.drop(at(other));
     }
     if (h.leaf(c)) {
       const PathMatrix own = sketches.columns(c);
@@ -158,6 +166,7 @@ struct Builder {
       for (std::size_t j = 0; j < h.width(c); ++j)
         std::copy_n(basis[c].data() + j * m + (child == left ? 0 : k), width, part.data() + j * width);
       add(times(seen[child], part.data(), h.width(c)), 1, seen[c]);
+      if (h.leaf(child)) seen[child] = {};
     }
     return true;
   }
@@ -202,7 +211,12 @@ struct Builder {
   void fill_block(const Hierarchical::Block& b, PathMatrix& own) {
     const std::size_t r = at(b.row), c = at(b.column);
     float* out = h.values.data() + b.values;
-    if (!b.near) return multiply_paths(seen[r], seen[c], h.width(c), out, h.width(r));
+    if (!b.near) {
+      multiply_paths(seen_by(r), seen_by(c), h.width(c), out, h.width(r));
+      for (const std::size_t cluster : {r, c})
+        if (--seen_wanted[cluster].left == 0) seen[cluster] = {};
+      return;
+    }
     if (!own.rows) own = sketches.columns(r);
     const PathMatrix other = sketches.columns(c);
     multiply_paths(own, other, other.columns, out, own.columns);
