@@ -32,6 +32,8 @@ struct HierarchicalCompliance::WorkSpace {
   std::vector<float> x, y, u, f;
   std::vector<std::uint8_t> active;
   std::vector<Index> list;
+  std::vector<const Link*> near;    // of each leaf in `list`, to the leaf of the row at hand; null: far
+  std::vector<const float*> entry;  // of each column: where the 3 x 3 block with the row at hand begins
 };
 HierarchicalCompliance::WorkSpace& HierarchicalCompliance::work_space() noexcept {
   static thread_local WorkSpace memory;
@@ -183,22 +185,33 @@ void HierarchicalCompliance::block(std::span<const Index> rows, std::span<const 
       if (c == 0) break;
     }
   std::sort(w.list.begin(), w.list.end());  // parents first
+  w.near.resize(h_.clusters()), w.entry.resize(columns.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::size_t place = at(place_of_[at(rows[i])]), leaf = at(leaf_of_[place]);
     const std::size_t row = 3 * (place - h_.begin(leaf)), size = h_.unknowns(leaf);
-    spread(place, w);
-    for (std::size_t j = 0; j < columns.size(); ++j) {
+    for (const Index target : w.list) {
+      const Link* link = h_.leaf(at(target)) ? find(at(target), leaf) : nullptr;
+      w.near[at(target)] = link && link->near ? link : nullptr;
+    }
+    for (std::size_t j = 0; j < columns.size();
+         ++j) {  // scattered over megabytes: fetched while the rest is done
       const std::size_t p = at(place_of_[at(columns[j])]), c = at(leaf_of_[p]);
       const std::size_t m = h_.unknowns(c), column = 3 * (p - h_.begin(c));
-      const float* u = w.active[c] == speaks ? w.u.data() + 9 * h_.begin(c) + column : nullptr;
-      const Link* link = find(c, leaf);
-      if (link && !link->near) link = nullptr;
+      const Link* link = w.near[c];
+      w.entry[j] = !link ? nullptr : link->values + (link->mirrored ? column * size + row : row * m + column);
+      for (std::size_t a = 0; link && a < 3; ++a)
+        __builtin_prefetch(w.entry[j] + a * (link->mirrored ? size : m));
+    }
+    spread(place, w);
+    for (std::size_t j = 0; j < columns.size(); ++j) {
+      const std::size_t p = at(place_of_[at(columns[j])]), c = at(leaf_of_[p]), m = h_.unknowns(c);
+      const float* u = w.active[c] == speaks ? w.u.data() + 9 * h_.begin(c) + 3 * (p - h_.begin(c)) : nullptr;
+      const float* entry = w.entry[j];
+      const bool mirrored = entry && w.near[c]->mirrored;
       for (std::size_t a = 0; a < 3; ++a)
         for (std::size_t b = 0; b < 3; ++b) {
           float sum = u ? u[a * m + b] : 0;
-          if (link)
-            sum += link->mirrored ? link->values[(column + b) * size + row + a]
-                                  : link->values[(row + a) * m + column + b];
+          if (entry) sum += mirrored ? entry[b * size + a] : entry[a * m + b];
           out[(3 * i + a) * ld + 3 * j + b] = sum;
         }
     }
