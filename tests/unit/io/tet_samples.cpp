@@ -7,6 +7,8 @@
 // gcc 12 takes concatenated strings for reads out of bounds when it compiles for the thread sanitizer (PR
 // 105329).
 #pragma GCC diagnostic ignored "-Warray-bounds"
+#pragma GCC diagnostic ignored "-Wstringop-overflow"
+#pragma GCC diagnostic ignored "-Wrestrict"
 
 namespace palpate {
 
