@@ -136,8 +136,14 @@ void run_lattice(const LatticeOptions& o, const Console& console) {
   run.report = check(run.file.mesh);
   run.read_seconds = clock.seconds();
   const Box& box = run.report.box;
-  const Grid grid = o.spacing > 0 ? make_grid_spaced(box, o.spacing * unit, o.margin * unit)
-                                  : make_grid(box, o.subdivisions, o.margin * unit);
+  const Grid grid = [&] {
+    try {
+      return o.spacing > 0 ? make_grid_spaced(box, o.spacing * unit, o.margin * unit)
+                           : make_grid(box, o.subdivisions, o.margin * unit);
+    } catch (const Error& error) {
+      throw Error(error.kind(), "{}: {}", o.input.string(), error.what());
+    }
+  }();
   clock = wall_timer();
   const SignedDistanceField field(run.file.mesh, sign);
   run.tree_seconds = clock.seconds();
