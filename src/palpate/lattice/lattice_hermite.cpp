@@ -14,19 +14,28 @@ namespace {
 // Slopes along an edge that differ by more belong to opposite sides of the medial axis or of a sharp edge.
 constexpr double kink = 0.5;
 
-struct Weights {
-  double value[2], slope[2];  // of the line's ends; derivatives: -1, 1
-  explicit Weights(double t) : value{1 - t, t}, slope{-1, 1} {}
-};
+using Four = float __attribute__((vector_size(16)));  // the parallel edges of a cell
 
-// What the cubic through the ends' slopes adds to the line at t, and its derivative. In units of h.
-struct Bend {
-  double at, slope;
+float sum(const Four& x) { return x[0] + x[1] + x[2] + x[3]; }
+
+// The four edges along one axis, at t of it; u and v the places along the other two. In units of h.
+struct Edges {
+  Four from, to, slope_from, slope_to;
 };
-Bend bend(double t, double from, double to, double line) {
-  if (std::abs(to - from) > kink) return {0, 0};
-  const double a = from - line, b = to - line, u = 1 - t;
-  return {t * u * (u * a - t * b), u * (1 - 3 * t) * a - t * (2 - 3 * t) * b};
+struct Part {
+  float linear, bend, slope, slope_u,
+      slope_v;  // slope: along the edges; slope_u, slope_v: the bend's across them
+};
+Part interpolate(const Edges& e, float t, float u, float v) {
+  const Four wu{1 - u, 1 - u, u, u}, wv{1 - v, v, 1 - v, v}, up{-1, -1, 1, 1}, vp{-1, 1, -1, 1}, w = wu * wv;
+  const Four line = e.to - e.from, jump = e.slope_to - e.slope_from, none{};
+  const auto smooth = jump * jump <= static_cast<float>(kink * kink);
+  const Four a = smooth ? e.slope_from - line : none, b = smooth ? e.slope_to - line : none;
+  const float r = 1 - t;
+  // What the cubic through the ends' slopes adds to the line, and its derivative.
+  const Four bend = t * r * (r * a - t * b), slope = r * (1 - 3 * t) * a - t * (2 - 3 * t) * b;
+  return {sum(w * (e.from + t * line)), sum(w * bend), sum(w * (line + slope)), sum(up * wv * bend),
+          sum(wu * vp * bend)};
 }
 
 }  // namespace
@@ -35,40 +44,40 @@ LatticeSample Lattice::hermite(const Vec3& p) const noexcept {
   const Box box = grid_.box();
   const Vec3 inside = p.cwiseMax(box.min).cwiseMin(box.max);
   std::array<int, 3> cell;
-  std::array<double, 3> t;
+  std::array<float, 3> t;
   for (std::size_t a = 0; a < 3; ++a) {
     const int k = static_cast<int>(a);
     const double x = (inside[k] - grid_.origin[k]) / grid_.h;
     cell[a] = x > 0 ? std::min(static_cast<int>(x), grid_.n[a] - 2) : 0;  // 0 where p is no number
-    t[a] = x - cell[a];
+    t[a] = static_cast<float>(x - cell[a]);
   }
-  const std::array<Weights, 3> w{Weights(t[0]), Weights(t[1]), Weights(t[2])};
-  const std::size_t first = grid_.number(cell);
-  const std::array<std::size_t, 3> stride{
-      static_cast<std::size_t>(grid_.n[1]) * static_cast<std::size_t>(grid_.n[2]),
-      static_cast<std::size_t>(grid_.n[2]), 1};
-  double f[8], g[3][8];  // in units of h; corner 4 i + 2 j + k
-  for (std::size_t m = 0; m < 8; ++m) {
-    const std::size_t at = first + (m >> 2) * stride[0] + (m >> 1 & 1) * stride[1] + (m & 1);
-    f[m] = static_cast<double>(distance_[at]) / grid_.h;
-    for (std::size_t a = 0; a < 3; ++a) g[a][m] = static_cast<double>(gradient_[at][static_cast<int>(a)]);
-  }
-  double d = 0;
-  Vec3 slope = Vec3::Zero();
-  for (std::size_t a = 0; a < 3; ++a) {
-    const std::size_t b = (a + 1) % 3, c = (a + 2) % 3, step = std::size_t{4} >> a;
-    for (std::size_t i = 0; i < 2; ++i)
-      for (std::size_t j = 0; j < 2; ++j) {
-        const std::size_t m = i * (std::size_t{4} >> b) + j * (std::size_t{4} >> c), n = m + step;
-        const double line = f[n] - f[m], wb = w[b].value[i], wc = w[c].value[j];
-        const Bend e = bend(t[a], g[a][m], g[a][n], line);
-        d += wb * wc * e.at;
-        if (a == 0) d += wb * wc * (f[m] + t[a] * line);
-        slope[static_cast<int>(a)] += wb * wc * (line + e.slope);
-        slope[static_cast<int>(b)] += w[b].slope[i] * wc * e.at;
-        slope[static_cast<int>(c)] += wb * w[c].slope[j] * e.at;
-      }
-  }
+  const std::size_t first = grid_.number(cell), row = static_cast<std::size_t>(grid_.n[2]),
+                    sheet = row * static_cast<std::size_t>(grid_.n[1]);
+  Four f[2], g[3][2];  // corner 4 i + 2 j + k
+  const auto inverse = static_cast<float>(1 / grid_.h);
+  for (std::size_t i = 0; i < 2; ++i)
+    for (std::size_t m = 0; m < 4; ++m) {
+      const std::size_t at = first + i * sheet + (m >> 1) * row + (m & 1);
+      f[i][m] = distance_[at] * inverse;
+      for (std::size_t a = 0; a < 3; ++a) g[a][i][m] = gradient_[at][static_cast<int>(a)];
+    }
+  const auto pairs = [](const Four* x, auto low) {  // along y: the first or second two of each
+    return low ? __builtin_shufflevector(x[0], x[1], 0, 1, 4, 5)
+               : __builtin_shufflevector(x[0], x[1], 2, 3, 6, 7);
+  };
+  const auto ends = [](const Four* x, auto low) {  // along z: the even or odd ones
+    return low ? __builtin_shufflevector(x[0], x[1], 0, 2, 4, 6)
+               : __builtin_shufflevector(x[0], x[1], 1, 3, 5, 7);
+  };
+  const Part x = interpolate({f[0], f[1], g[0][0], g[0][1]}, t[0], t[1], t[2]);
+  const Part y =
+      interpolate({pairs(f, true), pairs(f, false), pairs(g[1], true), pairs(g[1], false)}, t[1], t[0], t[2]);
+  const Part z =
+      interpolate({ends(f, true), ends(f, false), ends(g[2], true), ends(g[2], false)}, t[2], t[0], t[1]);
+  double d = static_cast<double>(x.linear + (x.bend + y.bend + z.bend));
+  Vec3 slope =
+      Vec3f(x.slope + y.slope_u + z.slope_u, x.slope_u + y.slope + z.slope_v, x.slope_v + y.slope_v + z.slope)
+          .cast<double>();
   d *= grid_.h;
   if (box.contains(p)) return {d, slope};
   const Vec3 out = p - inside;
