@@ -172,6 +172,13 @@ std::vector<Value> dense_online(int surface_nodes) {
 std::vector<Value> compressed(int surface_nodes) {
   const Problem p = make_problem(surface_nodes);
   std::vector<double> to_factored, to_hierarchical;
+  {  // as bake() asks: rather no row than a machine out of memory
+    const Symbolic symbolic = analyse(node_graph(p.k.matrix), nested_dissection(p.k.matrix));
+    const std::size_t need = 22 * factored_entries(symbolic, p.loads);
+    if (need > available_bytes())
+      throw Error(ErrorKind::resource, "needs {}, {} are free", megabytes(need),
+                  megabytes(available_bytes()));
+  }
   Factored<float> y;
   Hierarchical h;
   timed(to_factored, [&] { y = factor(p); });
