@@ -164,7 +164,7 @@ template <class Kernels>
     listed = 0;
     if (n > 0) query.take(query.context, slots.data(), n);
   };
-  Lanes distance2;
+  alignas(32) Lanes distance2;
   const auto open_leaf = [&](Index number) {
     const Triangles& leaf = leaves_[static_cast<std::size_t>(number)];
     unsigned near = Kernels::triangles(leaf, p.data(), limit, distance2) | leaf.thin;
