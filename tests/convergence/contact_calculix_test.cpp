@@ -5,6 +5,7 @@
 #include <memory>
 #include <numbers>
 
+#include "palpate/compliance/blas.hpp"
 #include "palpate/geometry/shapes.hpp"
 #include "palpate/geometry/signed_distance.hpp"
 #include "palpate/lattice/lattice.hpp"
@@ -14,6 +15,7 @@
 namespace palpate::test {
 namespace {
 
+const bool blas_is_set_up = (set_up_blas(), true);
 constexpr double depth = 0.005;
 const std::vector<Material> materials{{10e3, 0.45}};
 const std::vector<Anchor> anchors{AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()}};
