@@ -94,8 +94,8 @@ class Lattice {
   // of this distance, not normalised. Outside the box as sample().
   LatticeSample smooth(const Vec3& p) const noexcept;
   // Of fourth order where the distance is smooth: interpolates the exact gradients too. Where they disagree
-  // (medial axis, sharp edges) as trilinear. The gradient is that of this distance, not normalised. Outside the
-  // box as sample().
+  // (medial axis, sharp edges) as trilinear. The gradient is that of this distance, not normalised. Outside
+  // the box as sample().
   LatticeSample hermite(const Vec3& p) const noexcept;
   // Many points at once, in float32: the fast form. The distance as distance(), the gradient the
   // interpolant's own (neither normalised nor continuous; outside the box sample()'s), the closest point as
@@ -121,7 +121,7 @@ class Lattice {
   HugeVector<Vec3f> closest_;
   HugeVector<Vec3f> gradient_;       // unit, at each grid point
   HugeVector<std::uint64_t> quads_;  // float16: four distances in units of h, at (i, j), (i, j+1), (i+1, j),
-                                      // (i+1, j+1), from the lowest bits; two points hold a cell
+                                     // (i+1, j+1), from the lowest bits; two points hold a cell
   SignMethod sign_;
 };
 
