@@ -250,26 +250,27 @@ void Lattice::sample(std::span<const Vec3f> points, const Batch& out, Simd simd)
   BatchView view{
       distance_.data(), quads_.empty() ? nullptr : quads_.data(), grid_.n, {}, static_cast<float>(grid_.h)};
   for (std::size_t a = 0; a < 3; ++a) view.origin[a] = static_cast<float>(grid_.origin[static_cast<int>(a)]);
-  const bool indexed = grid_.size() < std::size_t{1} << 31;  // by 32 bits
-  std::array<float, batch_size> own;
-  std::array<std::uint8_t, batch_size> outside;
-  if (!indexed) outside.fill(1);
-  for (std::size_t begin = 0; begin < points.size(); begin += batch_size) {
-    const std::size_t n = std::min(batch_size, points.size() - begin);
+  const bool fast = grid_.size() < std::size_t{1} << 31;  // numbered by 32 bits
+  constexpr std::size_t part = 2048;                      // what the interpolation leaves in the caches
+  std::array<float, part> own;
+  for (std::size_t begin = 0; begin < points.size(); begin += part) {
+    const std::size_t n = std::min(part, points.size() - begin);
     float* const distances = out.distance.empty() ? own.data() : out.distance.data() + begin;
     float* const gradients = out.gradient.empty() ? nullptr : out.gradient[begin].data();
-    if (indexed && !(out.distance.empty() && out.gradient.empty()))
-      interpolate_batch(view, simd, points[begin].data(), n, distances, gradients, outside.data());
+    if (fast)
+      interpolate_batch(view, simd, points[begin].data(), n, distances, gradients);
+    else
+      std::fill_n(distances, n, std::nanf(""));
     for (std::size_t i = 0; i < n; ++i) {
-      const Vec3 p = points[begin + i].cast<double>();
-      if (outside[i]) {
-        const LatticeSample s = sample(p);
-        distances[i] = static_cast<float>(s.distance);
-        if (gradients) out.gradient[begin + i] = s.gradient.cast<float>();
-      }
-      if (!out.closest.empty())
-        out.closest[begin + i] = closest(p).value_or(Vec3::Constant(std::nan(""))).cast<float>();
+      if (!std::isnan(distances[i])) continue;  // outside
+      const LatticeSample s = sample(points[begin + i].cast<double>());
+      distances[i] = static_cast<float>(s.distance);
+      if (gradients) out.gradient[begin + i] = s.gradient.cast<float>();
     }
+    if (!out.closest.empty())
+      for (std::size_t i = begin; i < begin + n; ++i)
+        out.closest[i] =
+            closest(points[i].cast<double>()).value_or(Vec3::Constant(std::nan(""))).cast<float>();
   }
 }
 

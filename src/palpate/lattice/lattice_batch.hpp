@@ -20,12 +20,10 @@ struct BatchView {
   float h = 0;
 };
 
-constexpr std::size_t batch_size = 128;
-
-// Up to batch_size points (x y z ...): distances, gradients (x y z ..., or null), and which are outside the
-// grid (there the values are those at the nearest point of the box). At most 2^31 - 1 grid points. The same
-// bits for every simd.
+// Distances and gradients (x y z ..., or null) at n points (x y z ...). Outside the grid, and where a point
+// is no number, the distance is no number and the gradient means nothing. At most 2^31 - 1 grid points. The
+// same bits for every simd.
 void interpolate_batch(const BatchView& view, Simd simd, const float* points, std::size_t n, float* distance,
-                       float* gradient, std::uint8_t* outside);
+                       float* gradient);
 
 }  // namespace palpate

@@ -35,7 +35,7 @@ TEST(LatticeBatch, TheSameBitsByEveryInstructionSet) {
   const LatticeSamples s = test::sampled(test::torus(1, 0.4, 60, 30), 12, 0.1);
   for (const auto storage : {Lattice::Storage::float32, Lattice::Storage::float16}) {
     const Lattice lattice(s, storage);
-    for (const std::size_t n : {0, 1, 7, 8, 9, 127, 128, 129, 5000}) {
+    for (const std::size_t n : {0, 1, 7, 8, 9, 15, 16, 17, 127, 128, 129, 2048, 2049, 5000}) {
       const std::vector<Vec3f> points = points_about(s.grid, n);
       const Answer portable = ask(lattice, points, Simd::portable);
       for (const Simd simd : {Simd::avx2, Simd::avx512}) {
