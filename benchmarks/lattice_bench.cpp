@@ -124,15 +124,21 @@ std::vector<Value> hermite(int n) {
   const Lattice lattice(smooth_torus(cube_grid(n)));
   const Grid& grid = lattice.grid();
   std::mt19937_64 random(1);
-  std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1));
-  std::vector<Vec3> points(1000000);
-  for (Vec3& p : points) p = grid.origin + Vec3(unit(random), unit(random), unit(random));
-  std::vector<LatticeSample> out(points.size());
-  const Medians m = in_turn([&] {
-    for (std::size_t i = 0; i < points.size(); ++i) out[i] = lattice.hermite(points[i]);
+  std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1) * (1 - 1e-6));
+  std::vector<Vec3f> points(1000000);
+  for (Vec3f& p : points) p = (grid.origin + Vec3(unit(random), unit(random), unit(random))).cast<float>();
+  std::vector<float> distance(points.size());
+  std::vector<Vec3f> gradient(points.size());
+  const double ns = 1e9 / static_cast<double>(points.size());
+  const Medians batch = in_turn([&] {
+    lattice.sample(points, {distance, gradient, {}}, Interpolation::hermite);
   });
-  return {{m.ours * 1e9 / static_cast<double>(points.size()), "Discregrid cubic, recorded",
-           n == 64 ? 545 : no_peer, "with gradient"}};
+  const Medians single = in_turn([&] {
+    for (std::size_t i = 0; i < points.size(); ++i)
+      distance[i] = static_cast<float>(lattice.hermite(points[i].cast<double>()).distance);
+  });
+  return {{batch.ours * ns, "Discregrid cubic, recorded", n == 64 ? 545 : no_peer, "with gradient"},
+          {single.ours * ns, "", no_peer, "a point at a time"}};
 }
 
 }  // namespace
@@ -140,7 +146,9 @@ std::vector<Value> hermite(int n) {
 void register_lattice(Bench& bench) {
   bench.add({{"lattice.fill.torus200k.28", "ns/point"}}, [] { return fill(28, {3, 9, 4}); });
   bench.add({{"lattice.fill.torus200k.128", "ns/point"}}, [] { return fill(128, {2, 3, 60}); });
-  bench.add({{"lattice.query.64.random.hermite", "ns/query"}}, [] { return hermite(64); });
+  bench.add({{"lattice.query.64.random.hermite", "ns/query"},
+             {"lattice.query.64.random.hermite.single", "ns/query"}},
+            [] { return hermite(64); });
   for (const int n : {64, 256})
     for (const bool sorted : {false, true})
       for (const auto storage : {Lattice::Storage::float32, Lattice::Storage::float16}) {

@@ -220,16 +220,19 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Latt
 
 Lattice::Lattice(const LatticeSamples& samples, Storage storage) : grid_(samples.grid), sign_(samples.sign) {
   const std::size_t n = grid_.size();
+  if (n >= std::size_t{1} << 31)
+    throw Error(ErrorKind::resource,
+                "a lattice of {} points is more than there are numbers for (2^31); use a larger spacing", n);
   distance_.reserve(n);
   closest_.reserve(n);
-  gradient_.reserve(n);
+  jets_.reserve(n);
   for (int i = 0; i < grid_.n[0]; ++i)
     for (int j = 0; j < grid_.n[1]; ++j)
       for (int k = 0; k < grid_.n[2]; ++k) {
         const std::size_t at = distance_.size();
         distance_.push_back(static_cast<float>(samples.distance[at]));
         closest_.push_back(samples.closest[at].cast<float>());
-        gradient_.push_back(gradient_at(samples, {i, j, k}).cast<float>());
+        jets_.push_back({distance_.back(), gradient_at(samples, {i, j, k}).cast<float>()});
       }
   if (storage != Storage::float16) return;
   quads_.reserve(n);
@@ -246,32 +249,53 @@ Lattice::Lattice(const LatticeSamples& samples, Storage storage) : grid_(samples
       }
 }
 
-void Lattice::sample(std::span<const Vec3f> points, const Batch& out, Simd simd) const noexcept {
-  BatchView view{
-      distance_.data(), quads_.empty() ? nullptr : quads_.data(), grid_.n, {}, static_cast<float>(grid_.h)};
+BatchView Lattice::view() const noexcept {
+  BatchView view{distance_.data(),
+                 quads_.empty() ? nullptr : quads_.data(),
+                 &jets_.data()->distance,
+                 grid_.n,
+                 {},
+                 static_cast<float>(grid_.h)};
   for (std::size_t a = 0; a < 3; ++a) view.origin[a] = static_cast<float>(grid_.origin[static_cast<int>(a)]);
-  const bool fast = grid_.size() < std::size_t{1} << 31;  // numbered by 32 bits
-  constexpr std::size_t part = 2048;                      // what the interpolation leaves in the caches
-  std::array<float, part> own;
+  return view;
+}
+
+void Lattice::sample(std::span<const Vec3f> points, const Batch& out, Interpolation how,
+                     Simd simd) const noexcept {
+  const BatchView grid = view();
+  constexpr std::size_t part =
+      2048;  // the caches still know them when they are looked through for those outside
+  std::array<float, part> own, outside;
   for (std::size_t begin = 0; begin < points.size(); begin += part) {
     const std::size_t n = std::min(part, points.size() - begin);
     float* const distances = out.distance.empty() ? own.data() : out.distance.data() + begin;
-    float* const gradients = out.gradient.empty() ? nullptr : out.gradient[begin].data();
-    if (fast)
-      interpolate_batch(view, simd, points[begin].data(), n, distances, gradients);
-    else
-      std::fill_n(distances, n, std::nanf(""));
-    for (std::size_t i = 0; i < n; ++i) {
-      if (!std::isnan(distances[i])) continue;  // outside
-      const LatticeSample s = sample(points[begin + i].cast<double>());
+    Vec3f* const gradients = out.gradient.empty() ? nullptr : out.gradient.data() + begin;
+    interpolate_batch(grid, how, simd, points[begin].data(), n,
+                      {distances, gradients ? gradients->data() : nullptr, outside.data()});
+    bool all_inside = true;
+    for (std::size_t i = 0; i < n; ++i) all_inside &= outside[i] == 0;
+    for (std::size_t i = 0; i < n && !all_inside; ++i) {
+      if (outside[i] == 0) continue;
+      const Vec3 g = gradients ? Vec3(gradients[i].cast<double>()) : Vec3(Vec3::Zero());
+      const LatticeSample s =
+          beyond(points[begin + i].cast<double>(), {static_cast<double>(distances[i]), g});
       distances[i] = static_cast<float>(s.distance);
-      if (gradients) out.gradient[begin + i] = s.gradient.cast<float>();
+      if (gradients) gradients[i] = s.gradient.cast<float>();
     }
     if (!out.closest.empty())
       for (std::size_t i = begin; i < begin + n; ++i)
         out.closest[i] =
             closest(points[i].cast<double>()).value_or(Vec3::Constant(std::nan(""))).cast<float>();
   }
+}
+
+LatticeSample Lattice::hermite(const Vec3& p) const noexcept {
+  float distance = 0, outside = 0;
+  Vec3f gradient = Vec3f::Zero();
+  interpolate_batch(view(), Interpolation::hermite, best_simd(), Vec3f(p.cast<float>()).data(), 1,
+                    {&distance, gradient.data(), &outside});
+  const LatticeSample s{static_cast<double>(distance), gradient.cast<double>()};
+  return outside == 0 ? s : beyond(p, s);
 }
 
 double Lattice::distance(const Vec3& p) const noexcept {
@@ -288,6 +312,16 @@ double Lattice::beyond(double d, double s) const noexcept {
   if (!(d > 0)) return s + d;
   if (!(s < std::numeric_limits<double>::infinity())) return s;
   return std::max(s, std::sqrt(s * s + d * d) - std::min(s, std::sqrt(0.5) * grid_.h));
+}
+
+LatticeSample Lattice::beyond(const Vec3& p, LatticeSample nearest) const noexcept {
+  const Box box = grid_.box();
+  const Vec3 out = p - p.cwiseMax(box.min).cwiseMin(box.max);
+  const double s = out.norm();
+  const Vec3 away =
+      out + std::max(nearest.distance, 0.0) * nearest.gradient;  // gradient of sqrt(s^2 + d^2), times it
+  if (away.norm() > 0 && s < std::numeric_limits<double>::infinity()) nearest.gradient = away.normalized();
+  return {beyond(nearest.distance, s), nearest.gradient};
 }
 
 LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
@@ -326,33 +360,25 @@ LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
       g += Vec3(dw[0][i] * w[1][j] * along, w[0][i] * dw[1][j] * along, w[0][i] * w[1][j] * dalong);
     }
   g /= grid_.h;
-  if (box.contains(p)) return {d, g};
-  const Vec3 out = p - inside;
-  const double away = out.norm();
-  const Vec3 direction = out + std::max(d, 0.0) * g;  // gradient of sqrt(away^2 + d^2), times it
-  if (direction.norm() > 0 && away < std::numeric_limits<double>::infinity()) g = direction.normalized();
-  return {beyond(d, away), g};
+  return box.contains(p) ? LatticeSample{d, g} : beyond(p, {d, g});
 }
 
 LatticeSample Lattice::sample(const Vec3& p) const noexcept {
   const Box box = grid_.box();
   const Corners corners(grid_, cell_at(grid_, p));
   const double d = corners.mix(distance_);
-  Vec3 g = corners.mix(gradient_);
+  Vec3 g = Vec3::Zero();
+  for (std::size_t m = 0; m < 8; ++m) g += corners.weight[m] * jets_[corners.at[m]].gradient.cast<double>();
   double length = g.norm();
   // On the medial axis opposite gradients cancel: the heaviest corner's will do, and is never zero.
   if (length < 1e-3) {
     const auto heaviest = std::max_element(corners.weight.begin(), corners.weight.end());
-    g = gradient_[corners.at[static_cast<std::size_t>(heaviest - corners.weight.begin())]].cast<double>();
+    g = jets_[corners.at[static_cast<std::size_t>(heaviest - corners.weight.begin())]]
+            .gradient.cast<double>();
     length = g.norm();
   }
   g /= length;
-  if (box.contains(p)) return {d, g};
-  const Vec3 out = p - p.cwiseMax(box.min).cwiseMin(box.max);
-  const double s = out.norm();
-  const Vec3 away = out + std::max(d, 0.0) * g;  // gradient of sqrt(s^2 + d^2), times it
-  if (away.norm() > 0 && s < std::numeric_limits<double>::infinity()) g = away.normalized();
-  return {beyond(d, s), g};
+  return box.contains(p) ? LatticeSample{d, g} : beyond(p, {d, g});
 }
 
 void Lattice::distance(std::span<const Vec3> points, std::span<double> out) const noexcept {

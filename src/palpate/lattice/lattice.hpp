@@ -12,6 +12,7 @@
 #include "palpate/base/simd.hpp"
 #include "palpate/base/vec.hpp"
 #include "palpate/geometry/signed_distance.hpp"
+#include "palpate/lattice/lattice_batch.hpp"
 
 namespace palpate {
 
@@ -94,19 +95,20 @@ class Lattice {
   // of this distance, not normalised. Outside the box as sample().
   LatticeSample smooth(const Vec3& p) const noexcept;
   // Of fourth order where the distance is smooth: interpolates the exact gradients too. Where they disagree
-  // (medial axis, sharp edges) as trilinear. The gradient is that of this distance, not normalised. Outside
-  // the box as sample().
+  // (medial axis, sharp edges) as trilinear. The gradient is that of this distance, not normalised. In
+  // float32. Outside the box as sample().
   LatticeSample hermite(const Vec3& p) const noexcept;
-  // Many points at once, in float32: the fast form. The distance as distance(), the gradient the
-  // interpolant's own (neither normalised nor continuous; outside the box sample()'s), the closest point as
-  // closest(), no number where that has none. Spans that are not wanted may be empty, the others are as long
-  // as `points`. The same bits by every instruction set.
+  // Many points at once, in float32: the fast form. The distance as distance() or hermite(), the gradient the
+  // interpolant's own (neither normalised nor, if trilinear, continuous), the closest point as closest(), no
+  // number where that has none. Outside the box as sample(). Spans that are not wanted may be empty, the
+  // others are as long as `points`. The same bits by every instruction set.
   struct Batch {
     std::span<float> distance{};  // m
     std::span<Vec3f> gradient{};
     std::span<Vec3f> closest{};  // m
   };
-  void sample(std::span<const Vec3f> points, const Batch& out, Simd simd = best_simd()) const noexcept;
+  void sample(std::span<const Vec3f> points, const Batch& out, Interpolation how = Interpolation::trilinear,
+              Simd simd = best_simd()) const noexcept;
   void distance(std::span<const Vec3> points, std::span<double> out) const noexcept;
   void sample(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept;
   // Interpolated closest point, when the eight corners' lie within 2 h of each other and the lattice's own
@@ -115,11 +117,18 @@ class Lattice {
   std::optional<Vec3> closest(const Vec3& p) const noexcept;
 
  private:
+  // The distance again, beside its unit gradient: what is read together.
+  struct alignas(16) Jet {
+    float distance;
+    Vec3f gradient;
+  };
+  BatchView view() const noexcept;
   double beyond(double d, double s) const noexcept;
+  LatticeSample beyond(const Vec3& p, LatticeSample nearest) const noexcept;
   Grid grid_;
   HugeVector<float> distance_;
   HugeVector<Vec3f> closest_;
-  HugeVector<Vec3f> gradient_;       // unit, at each grid point
+  HugeVector<Jet> jets_;
   HugeVector<std::uint64_t> quads_;  // float16: four distances in units of h, at (i, j), (i, j+1), (i+1, j),
                                      // (i+1, j+1), from the lowest bits; two points hold a cell
   SignMethod sign_;

@@ -1,21 +1,15 @@
-// One pass finds the cells and asks for their memory, another one interpolates, 16 points at a time with
-// AVX-512. Built without contraction to fused multiply-adds, so that all instruction sets give the same bits.
+// Points' cells are found and their memory is asked for, a little later they are interpolated; 16 points at a
+// time with AVX-512. Built without contraction to fused multiply-adds, so that all instruction sets give the
+// same bits.
 #include "palpate/lattice/lattice_batch.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
-#include <utility>
+#include <type_traits>
 
-#if defined(__x86_64__)
-#include <immintrin.h>
-#if !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // gcc 12's own header, in gathers and narrowings
-#endif
-#define PALPATE_AVX2 __attribute__((target("avx2,f16c")))
-#define PALPATE_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,avx2,f16c")))
-#endif
+#include "palpate/lattice/instruction_sets.hpp"
 
 namespace palpate {
 
@@ -43,180 +37,6 @@ float from_half(std::uint16_t half) {
 
 namespace {
 
-// Types wider than a register are passed by reference only: their ABI differs with AVX.
-using Float8 = float __attribute__((vector_size(32)));
-using Int8 = std::int32_t __attribute__((vector_size(32)));
-using Float16 = float __attribute__((vector_size(64)));
-using Int16 = std::int32_t __attribute__((vector_size(64)));
-
-// What there is of each instruction set: `width` points at a time,
-// split: x y z of them, from x y z x y z ...; join: the reverse;
-// corners: of their cells, corner[4 i + 2 j + k].
-struct Portable {
-  static constexpr std::size_t width = 8;
-  using V = Float8;
-  using I = Int8;
-  static void split(const float* points, V* x) {
-    for (std::size_t i = 0; i < width; ++i)
-      for (std::size_t a = 0; a < 3; ++a) x[a][i] = points[3 * i + a];
-  }
-  static void join(const V* x, float* points) {
-    for (std::size_t i = 0; i < width; ++i)
-      for (std::size_t a = 0; a < 3; ++a) points[3 * i + a] = x[a][i];
-  }
-  static void corners(const BatchView& view, const std::int32_t* first, V* corner) {
-    const auto row = static_cast<std::size_t>(view.n[2]), sheet = row * static_cast<std::size_t>(view.n[1]);
-    for (std::size_t lane = 0; lane < width; ++lane) {
-      const auto at = static_cast<std::size_t>(first[lane]);
-      for (std::size_t m = 0; m < 4; ++m)
-        for (std::size_t k = 0; k < 2; ++k)
-          corner[2 * m + k][lane] = view.quads
-                                        ? from_half(static_cast<std::uint16_t>(view.quads[at + k] >> 16 * m))
-                                        : view.values[at + (m >> 1) * sheet + (m & 1) * row + k];
-    }
-  }
-};
-
-#if defined(__x86_64__)
-struct Avx2 {
-  static constexpr std::size_t width = 8;
-  using V = Float8;
-  using I = Int8;
-  static void split(const float* points, V* x) { Portable::split(points, x); }
-  static void join(const V* x, float* points) { Portable::join(x, points); }
-  PALPATE_AVX2 static inline void corners(const BatchView& view, const std::int32_t* first, V* corner) {
-    const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
-    if (view.quads) return from_quads(view.quads, first, corner);
-    for (std::size_t m = 0; m < 4; ++m)
-      pairs(view.values + static_cast<std::ptrdiff_t>(m >> 1) * sheet +
-                static_cast<std::ptrdiff_t>(m & 1) * row,
-            first, corner[2 * m], corner[2 * m + 1]);
-  }
-  // Pairs of floats at eight places, the first ones and the second ones.
-  PALPATE_AVX2 static inline void pairs(const float* base, const std::int32_t* at, V& first, V& second) {
-    const __m256 low = four(base, at), high = four(base, at + 4);
-    first = in_order(_mm256_shuffle_ps(low, high, 0x88));
-    second = in_order(_mm256_shuffle_ps(low, high, 0xdd));
-  }
-  PALPATE_AVX2 static inline __m256 four(const float* base, const std::int32_t* at) {
-    const __m256d all = _mm256_castsi256_pd(_mm256_set1_epi64x(-1));
-    return _mm256_castpd_ps(
-        _mm256_mask_i32gather_pd(_mm256_setzero_pd(), reinterpret_cast<const double*>(base),
-                                 _mm_load_si128(reinterpret_cast<const __m128i*>(at)), all, 4));
-  }
-  PALPATE_AVX2 static inline __m256 in_order(__m256 x) {
-    return _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(x), 0xd8));
-  }
-  // Two quads a point, transposed: points 0 and 4 in one register, 1 and 5 in the next.
-  PALPATE_AVX2 static inline void from_quads(const std::uint64_t* quads, const std::int32_t* first,
-                                             V* corner) {
-    __m256i p[4];
-    for (std::size_t i = 0; i < 4; ++i)
-      p[i] = _mm256_inserti128_si256(_mm256_castsi128_si256(two(quads + first[i])), two(quads + first[i + 4]),
-                                     1);
-    const __m256i ab[] = {_mm256_unpacklo_epi16(p[0], p[1]), _mm256_unpackhi_epi16(p[0], p[1])},
-                  cd[] = {_mm256_unpacklo_epi16(p[2], p[3]), _mm256_unpackhi_epi16(p[2], p[3])};
-    for (std::size_t k = 0; k < 2; ++k)
-      for (std::size_t m = 0; m < 2; ++m) {
-        const __m256i both = _mm256_permute4x64_epi64(
-            m == 0 ? _mm256_unpacklo_epi32(ab[k], cd[k]) : _mm256_unpackhi_epi32(ab[k], cd[k]), 0xd8);
-        corner[4 * m + k] = _mm256_cvtph_ps(_mm256_castsi256_si128(both));
-        corner[4 * m + 2 + k] = _mm256_cvtph_ps(_mm256_extracti128_si256(both, 1));
-      }
-  }
-  PALPATE_AVX2 static inline __m128i two(const std::uint64_t* quads) {
-    return _mm_loadu_si128(reinterpret_cast<const __m128i*>(quads));
-  }
-};
-
-struct Avx512 {
-  static constexpr std::size_t width = 16;
-  using V = Float16;
-  using I = Int16;
-  // Where each number of the result comes from, for vpermt2ps: 16 and more means the second register.
-  struct Places {
-    alignas(64) std::int32_t first[3][16], second[3][16];
-  };
-  static constexpr Places split_places() {
-    Places out{};
-    for (int a = 0; a < 3; ++a)
-      for (int i = 0; i < 16; ++i) {
-        const int at = 3 * i + a;  // of 48
-        out.first[a][i] = at < 32 ? at : 0;
-        out.second[a][i] = at < 32 ? i : at - 32 + 16;
-      }
-    return out;
-  }
-  static constexpr Places join_places() {
-    Places out{};
-    for (int r = 0; r < 3; ++r)
-      for (int i = 0; i < 16; ++i) {
-        const int point = (16 * r + i) / 3, axis = (16 * r + i) % 3;
-        out.first[r][i] = axis < 2 ? point + 16 * axis : 0;
-        out.second[r][i] = axis < 2 ? i : point + 16;
-      }
-    return out;
-  }
-  PALPATE_AVX512 static inline void permute(const Places& places, const __m512* from, std::size_t a,
-                                            __m512& to) {
-    to = _mm512_permutex2var_ps(_mm512_permutex2var_ps(from[0], _mm512_load_si512(places.first[a]), from[1]),
-                                _mm512_load_si512(places.second[a]), from[2]);
-  }
-  PALPATE_AVX512 static inline void split(const float* points, V* x) {
-    static constexpr Places places = split_places();
-    const __m512 in[] = {_mm512_loadu_ps(points), _mm512_loadu_ps(points + 16), _mm512_loadu_ps(points + 32)};
-    for (std::size_t a = 0; a < 3; ++a) permute(places, in, a, x[a]);
-  }
-  PALPATE_AVX512 static inline void join(const V* x, float* points) {
-    static constexpr Places places = join_places();
-    for (std::size_t r = 0; r < 3; ++r) {
-      __m512 out;
-      permute(places, x, r, out);
-      _mm512_storeu_ps(points + 16 * r, out);
-    }
-  }
-  PALPATE_AVX512 static inline void corners(const BatchView& view, const std::int32_t* first, V* corner) {
-    const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
-    if (view.quads) return from_quads(view.quads, first, corner);
-    const __m256i low = _mm256_load_si256(reinterpret_cast<const __m256i*>(first)),
-                  high = _mm256_load_si256(reinterpret_cast<const __m256i*>(first + 8));
-    const __m512i even = _mm512_set_epi32(30, 28, 26, 24, 22, 20, 18, 16, 14, 12, 10, 8, 6, 4, 2, 0),
-                  odd = _mm512_set_epi32(31, 29, 27, 25, 23, 21, 19, 17, 15, 13, 11, 9, 7, 5, 3, 1);
-    for (std::size_t m = 0; m < 4; ++m) {
-      const float* base = view.values + static_cast<std::ptrdiff_t>(m >> 1) * sheet +
-                          static_cast<std::ptrdiff_t>(m & 1) * row;
-      const __m512 a = eight(base, low), b = eight(base, high);
-      corner[2 * m] = _mm512_permutex2var_ps(a, even, b);
-      corner[2 * m + 1] = _mm512_permutex2var_ps(a, odd, b);
-    }
-  }
-  PALPATE_AVX512 static inline __m512 eight(const float* base, __m256i at) {
-    return _mm512_castpd_ps(_mm512_i32gather_pd(at, base, 4));
-  }
-  // As Avx2, points 0, 4, 8 and 12 in one register.
-  PALPATE_AVX512 static inline void from_quads(const std::uint64_t* quads, const std::int32_t* first,
-                                               V* corner) {
-    __m512i p[4];
-    for (std::size_t i = 0; i < 4; ++i) {
-      __m512i x = _mm512_castsi128_si512(Avx2::two(quads + first[i]));
-      x = _mm512_inserti32x4(x, Avx2::two(quads + first[i + 4]), 1);
-      x = _mm512_inserti32x4(x, Avx2::two(quads + first[i + 8]), 2);
-      p[i] = _mm512_inserti32x4(x, Avx2::two(quads + first[i + 12]), 3);
-    }
-    const __m512i ab[] = {_mm512_unpacklo_epi16(p[0], p[1]), _mm512_unpackhi_epi16(p[0], p[1])},
-                  cd[] = {_mm512_unpacklo_epi16(p[2], p[3]), _mm512_unpackhi_epi16(p[2], p[3])};
-    const __m512i halves = _mm512_set_epi64(7, 5, 3, 1, 6, 4, 2, 0);
-    for (std::size_t k = 0; k < 2; ++k)
-      for (std::size_t m = 0; m < 2; ++m) {
-        const __m512i both = _mm512_permutexvar_epi64(
-            halves, m == 0 ? _mm512_unpacklo_epi32(ab[k], cd[k]) : _mm512_unpackhi_epi32(ab[k], cd[k]));
-        corner[4 * m + k] = _mm512_cvtph_ps(_mm512_castsi512_si256(both));
-        corner[4 * m + 2 + k] = _mm512_cvtph_ps(_mm512_extracti64x4_epi64(both, 1));
-      }
-  }
-};
-#endif
-
 // Points whose cells are found, and their memory asked for, ahead of the interpolation.
 constexpr std::size_t most_ahead = 128;
 constexpr std::size_t cache = std::size_t{3} << 19;  // what is smaller needs no asking
@@ -224,23 +44,15 @@ constexpr std::size_t cache = std::size_t{3} << 19;  // what is smaller needs no
 struct alignas(64) Cells {
   std::int32_t first[most_ahead];  // number of the cell's lowest point
   float t[3][most_ahead];          // where in the cell: 0..1 along each axis
-  float none[most_ahead];          // 0, or no number outside the grid
+  float outside[most_ahead];       // 0: within the grid
 };
 
-[[gnu::always_inline]] inline void prefetch(const BatchView& view, const std::int32_t* first, std::size_t n) {
-  const auto row = static_cast<std::size_t>(view.n[2]), sheet = row * static_cast<std::size_t>(view.n[1]);
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto at = static_cast<std::size_t>(first[i]);
-    if (view.quads) {
-      __builtin_prefetch(view.quads + at, 0, 2);
-    } else {
-      const float* v = view.values + at;
-      __builtin_prefetch(v, 0, 2);
-      __builtin_prefetch(v + row, 0, 2);
-      __builtin_prefetch(v + sheet, 0, 2);
-      __builtin_prefetch(v + sheet + row, 0, 2);
-    }
-  }
+template <class From, class To>
+[[gnu::always_inline]] inline void convert(const From& from, To& to) {
+  if constexpr (std::is_arithmetic_v<To>)
+    to = static_cast<To>(from);
+  else
+    to = __builtin_convertvector(from, To);
 }
 
 // n: of these points, up to Kernel::width.
@@ -255,95 +67,199 @@ template <class Kernel>
   V x[3];
   Kernel::split(n < Kernel::width ? last : points, x);
   I first{};
-  V none{};
+  V outside{};
   for (std::size_t a = 0; a < 3; ++a) {
     const std::int32_t cells_along = view.n[a] - 1;
     const V zero{}, end = zero + static_cast<float>(cells_along);
     const V at = (x[a] - view.origin[a]) * inverse;
     V in = at > 0 ? at : zero;  // 0 where it is no number
     in = in < end ? in : end;
-    none += (at - in) * (at - in);
-    I cell = __builtin_convertvector(in, I);
+    outside += (at - in) * (at - in);
+    I cell;
+    convert(in, cell);
     cell = cell < cells_along ? cell : I{} + (cells_along - 1);
-    const V t = in - __builtin_convertvector(cell, V);
+    V t;
+    convert(cell, t);
+    t = in - t;
     std::memcpy(cells.t[a] + slot, &t, sizeof t);
     first = first * view.n[a] + cell;
   }
-  none = none > 0 ? V{} + std::numeric_limits<float>::quiet_NaN() : none;
   std::memcpy(cells.first + slot, &first, sizeof first);
-  std::memcpy(cells.none + slot, &none, sizeof none);
+  std::memcpy(cells.outside + slot, &outside, sizeof outside);
 }
 
-template <class Kernel>
+// Asks for a cell's memory: `unit` bytes a grid point, `rows` rows of them.
+[[gnu::always_inline]] inline void prefetch(const BatchView& view, const char* base, std::size_t unit,
+                                            std::size_t rows, const std::int32_t* first, std::size_t n) {
+  const auto row = static_cast<std::size_t>(view.n[2]) * unit,
+             sheet = row * static_cast<std::size_t>(view.n[1]);
+  for (std::size_t i = 0; i < n; ++i) {
+    const char* at = base + static_cast<std::size_t>(first[i]) * unit;
+    for (std::size_t m = 0; m < rows; ++m) __builtin_prefetch(at + (m >> 1) * sheet + (m & 1) * row, 0, 2);
+  }
+}
+
+// A value and its derivatives along x, y, z in units of a cell.
+template <class V>
+struct Jets {
+  V value, slope[3];
+};
+
+// T 5.2.2.
+struct Trilinear {
+  static std::size_t unit(const BatchView& view) { return view.quads ? 8 : 4; }
+  static std::size_t rows(const BatchView& view) { return view.quads ? 1 : 4; }
+  static const void* base(const BatchView& view) {
+    return view.quads ? static_cast<const void*>(view.quads) : view.values;
+  }
+  template <class Kernel, class V = typename Kernel::V>
+  [[gnu::always_inline]] static inline void at(const BatchView& view, const std::int32_t* first, const V* t,
+                                               Jets<V>& out) {
+    V c[8];
+    Kernel::corners(view, first, c);
+    const V z00 = c[1] - c[0], z01 = c[3] - c[2], z10 = c[5] - c[4], z11 = c[7] - c[6];
+    const V a00 = c[0] + t[2] * z00, a01 = c[2] + t[2] * z01, a10 = c[4] + t[2] * z10,
+            a11 = c[6] + t[2] * z11;
+    const V y0 = a01 - a00, y1 = a11 - a10, b0 = a00 + t[1] * y0, b1 = a10 + t[1] * y1, x = b1 - b0;
+    const V e0 = z00 + t[1] * (z01 - z00), e1 = z10 + t[1] * (z11 - z10);
+    const float scale = view.quads ? view.h : 1;
+    out.value = (b0 + t[0] * x) * scale;
+    out.slope[0] = x * scale, out.slope[1] = (y0 + t[0] * (y1 - y0)) * scale;
+    out.slope[2] = (e0 + t[0] * (e1 - e0)) * scale;
+  }
+};
+
+// Distances and their exact gradients: the trilinear interpolant, and along each of the cell's edges what the
+// cubic through both ends' slopes adds to the line, blended across bilinearly: the 32-parameter brick of
+// Adini & Clough (1960). Exact for polynomials of degree three, so of fourth order where the distance is
+// smooth.
+struct Hermite {
+  // Slopes along an edge that differ by more belong to opposite sides of the medial axis or of a sharp edge.
+  static constexpr float kink = 0.5f;
+  static std::size_t unit(const BatchView&) { return 4 * sizeof(float); }
+  static std::size_t rows(const BatchView&) { return 4; }
+  static const void* base(const BatchView& view) { return view.jets; }
+
+  template <class Kernel, class V = typename Kernel::V>
+  [[gnu::always_inline]] static inline void at(const BatchView& view, const std::int32_t* first, const V* t,
+                                               Jets<V>& out) {
+    const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
+    V c[8][4];  // corner 4 i + 2 j + k: distance in units of h, gradient
+    for (std::size_t m = 0; m < 8; ++m) {
+      const auto bit = [&](unsigned b) { return static_cast<std::ptrdiff_t>(m >> b & 1); };
+      Kernel::jets(view.jets + 4 * (bit(2) * sheet + bit(1) * row + bit(0)), first, c[m]);
+      c[m][0] *= 1 / view.h;
+    }
+    const V zero{};
+    out = {zero, {zero, zero, zero}};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::size_t u = a == 0 ? 1 : 0, v = a == 2 ? 1 : 2;  // the other axes
+      const V r = 1 - t[a], wu[] = {1 - t[u], t[u]}, wv[] = {1 - t[v], t[v]};
+      for (std::size_t i = 0; i < 2; ++i)
+        for (std::size_t j = 0; j < 2; ++j) {
+          const std::size_t m = (i << (2 - u)) + (j << (2 - v)), n = m + (std::size_t{4} >> a);
+          const V line = c[n][0] - c[m][0], jump = c[n][1 + a] - c[m][1 + a], jump2 = jump * jump;
+          const V p = jump2 < kink * kink ? c[m][1 + a] - line : zero,
+                  q = jump2 < kink * kink ? c[n][1 + a] - line : zero;
+          const V bend = t[a] * r * (r * p - t[a] * q),
+                  slope = r * (1 - 3 * t[a]) * p - t[a] * (2 - 3 * t[a]) * q;
+          const V w = wu[i] * wv[j];
+          if (a == 0) out.value += w * (c[m][0] + t[a] * line);
+          out.value += w * bend;
+          out.slope[a] += w * (line + slope);
+          out.slope[u] += (i ? wv[j] : -wv[j]) * bend;
+          out.slope[v] += (j ? wu[i] : -wu[i]) * bend;
+        }
+    }
+    out.value *= view.h;
+    for (V& slope : out.slope) slope *= view.h;
+  }
+};
+
+template <class Kernel, class Interpolant>
 [[gnu::always_inline]] inline void interpolate(const BatchView& view, const Cells& cells, std::size_t slot,
-                                               std::size_t n, float* distance, float* gradient) {
+                                               std::size_t n, const BatchOut& out) {
   using V = typename Kernel::V;
-  const float scale = view.quads ? view.h : 1, slope = view.quads ? 1 : 1 / view.h;
-  const auto load = [&](const float* from) { return reinterpret_cast<const V*>(from + slot); };
-  V c[8];
-  Kernel::corners(view, cells.first + slot, c);
-  const V &tx = *load(cells.t[0]), &ty = *load(cells.t[1]), &tz = *load(cells.t[2]);
-  const V z00 = c[1] - c[0], z01 = c[3] - c[2], z10 = c[5] - c[4], z11 = c[7] - c[6];
-  const V a00 = c[0] + tz * z00, a01 = c[2] + tz * z01, a10 = c[4] + tz * z10, a11 = c[6] + tz * z11;
-  const V y0 = a01 - a00, y1 = a11 - a10, b0 = a00 + ty * y0, b1 = a10 + ty * y1, x = b1 - b0;
-  const V d = (b0 + tx * x) * scale + *load(cells.none);
-  std::memcpy(distance, &d, n == Kernel::width ? sizeof d : n * sizeof(float));
-  if (!gradient) return;
-  const V e0 = z00 + ty * (z01 - z00), e1 = z10 + ty * (z11 - z10);
-  const V g[] = {x * slope, (y0 + tx * (y1 - y0)) * slope, (e0 + tx * (e1 - e0)) * slope};
-  if (n == Kernel::width) return Kernel::join(g, gradient);
+  V t[3];
+  for (std::size_t a = 0; a < 3; ++a) std::memcpy(&t[a], cells.t[a] + slot, sizeof(V));
+  Jets<V> jets;
+  Interpolant::template at<Kernel>(view, cells.first + slot, t, jets);
+  std::memcpy(out.distance, &jets.value, n == Kernel::width ? sizeof(V) : n * sizeof(float));
+  std::memcpy(out.outside, cells.outside + slot, n == Kernel::width ? sizeof(V) : n * sizeof(float));
+  if (!out.gradient) return;
+  const float inverse = 1 / view.h;
+  for (V& slope : jets.slope) slope *= inverse;
+  if (n == Kernel::width) return Kernel::join(jets.slope, out.gradient);
   float last[3 * Kernel::width];
-  Kernel::join(g, last);
-  std::memcpy(gradient, last, 3 * n * sizeof(float));
+  Kernel::join(jets.slope, last);
+  std::memcpy(out.gradient, last, 3 * n * sizeof(float));
 }
 
 // A ring: while some points are interpolated the memory of the next ones is on its way.
-template <class Kernel>
+template <class Kernel, class Interpolant>
 [[gnu::always_inline]] inline void run(const BatchView& view, const float* points, std::size_t n,
-                                       float* distance, float* gradient) {
+                                       const BatchOut& out) {
   constexpr std::size_t width = Kernel::width;
   const std::size_t ahead = std::min(most_ahead, (n + width - 1) / width * width);
   const std::size_t grid = std::size_t(view.n[0]) * std::size_t(view.n[1]) * std::size_t(view.n[2]);
-  const bool ask = grid * (view.quads ? 8 : 4) > cache;
+  const std::size_t unit = Interpolant::unit(view);
+  const bool ask = n > width && grid * unit > cache;
   Cells cells;
   for (std::size_t i = 0, slot = 0; i < n + ahead; i += width, slot = (slot + width) % ahead) {
     if (i >= ahead) {
       const std::size_t at = i - ahead;
-      interpolate<Kernel>(view, cells, slot, std::min(width, n - at), distance + at,
-                          gradient ? gradient + 3 * at : nullptr);
+      interpolate<Kernel, Interpolant>(
+          view, cells, slot, std::min(width, n - at),
+          {out.distance + at, out.gradient ? out.gradient + 3 * at : nullptr, out.outside + at});
     }
     if (i < n) {
       locate<Kernel>(view, points + 3 * i, std::min(width, n - i), slot, cells);
-      if (ask) prefetch(view, cells.first + slot, width);
+      if (ask)
+        prefetch(view, static_cast<const char*>(Interpolant::base(view)), unit, Interpolant::rows(view),
+                 cells.first + slot, width);
     }
   }
 }
 
-using Run = void(const BatchView&, const float*, std::size_t, float*, float*);
-void run_portable(const BatchView& v, const float* p, std::size_t n, float* d, float* g) {
-  run<Portable>(v, p, n, d, g);
+using Run = void(const BatchView&, const float*, std::size_t, const BatchOut&);
+template <class Interpolant>
+void run_portable(const BatchView& v, const float* p, std::size_t n, const BatchOut& out) {
+  run<Eight, Interpolant>(v, p, n, out);
+}
+template <class Interpolant>
+void run_one(const BatchView& v, const float* p, std::size_t n, const BatchOut& out) {
+  run<One, Interpolant>(v, p, n, out);
 }
 #if defined(__x86_64__)
-PALPATE_AVX2 [[gnu::flatten]] void run_avx2(const BatchView& v, const float* p, std::size_t n, float* d,
-                                            float* g) {
-  run<Avx2>(v, p, n, d, g);
+template <class Interpolant>
+PALPATE_AVX2 [[gnu::flatten]] void run_avx2(const BatchView& v, const float* p, std::size_t n,
+                                            const BatchOut& out) {
+  run<Avx2, Interpolant>(v, p, n, out);
 }
-PALPATE_AVX512 [[gnu::flatten]] void run_avx512(const BatchView& v, const float* p, std::size_t n, float* d,
-                                                float* g) {
-  run<Avx512>(v, p, n, d, g);
+template <class Interpolant>
+PALPATE_AVX512 [[gnu::flatten]] void run_avx512(const BatchView& v, const float* p, std::size_t n,
+                                                const BatchOut& out) {
+  run<Avx512, Interpolant>(v, p, n, out);
 }
 #endif
+
+template <class Interpolant>
+Run* chosen(std::size_t n, Simd simd) {
+  if (n == 1) return run_one<Interpolant>;
+#if defined(__x86_64__)
+  if (simd == Simd::avx2) return run_avx2<Interpolant>;
+  if (simd == Simd::avx512) return run_avx512<Interpolant>;
+#endif
+  return run_portable<Interpolant>;
+}
 
 }  // namespace
 
-void interpolate_batch(const BatchView& view, Simd simd, const float* points, std::size_t n, float* distance,
-                       float* gradient) {
-  Run* chosen = run_portable;
-#if defined(__x86_64__)
-  if (simd == Simd::avx2) chosen = run_avx2;
-  if (simd == Simd::avx512) chosen = run_avx512;
-#endif
-  if (n > 0) chosen(view, points, n, distance, gradient);
+void interpolate_batch(const BatchView& view, Interpolation how, Simd simd, const float* points,
+                       std::size_t n, const BatchOut& out) {
+  if (n == 0) return;
+  Run* const run = how == Interpolation::hermite ? chosen<Hermite>(n, simd) : chosen<Trilinear>(n, simd);
+  run(view, points, n, out);
 }
 
 }  // namespace palpate

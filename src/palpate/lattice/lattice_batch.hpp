@@ -1,4 +1,4 @@
-// Trilinear interpolation of many points at once, by the best instructions at hand.
+// Interpolation at many points at once, by the best instructions at hand.
 #pragma once
 
 #include <array>
@@ -12,18 +12,25 @@ namespace palpate {
 std::uint16_t to_half(float x);  // nearest, ties to even; overflow: infinity
 float from_half(std::uint16_t half);
 
+enum class Interpolation : std::uint8_t { trilinear, hermite };
+
 struct BatchView {
   const float* values = nullptr;         // z fastest, m
   const std::uint64_t* quads = nullptr;  // or null: see Lattice
+  const float* jets = nullptr;           // for hermite: distance (m) and gradient of each grid point
   std::array<std::int32_t, 3> n{};
   std::array<float, 3> origin{};
   float h = 0;
 };
 
-// Distances and gradients (x y z ..., or null) at n points (x y z ...). Outside the grid, and where a point
-// is no number, the distance is no number and the gradient means nothing. At most 2^31 - 1 grid points. The
-// same bits for every simd.
-void interpolate_batch(const BatchView& view, Simd simd, const float* points, std::size_t n, float* distance,
-                       float* gradient);
+struct BatchOut {
+  float* distance;  // n, m
+  float* gradient;  // 3 n, x y z ...; or null
+  float* outside;   // n; not 0: outside the grid, where the rest is that of its nearest point, or no number
+};
+
+// At n points, x y z ... At most 2^31 - 1 grid points. The same bits for every simd.
+void interpolate_batch(const BatchView& view, Interpolation how, Simd simd, const float* points,
+                       std::size_t n, const BatchOut& out);
 
 }  // namespace palpate

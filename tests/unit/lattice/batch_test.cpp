@@ -23,9 +23,10 @@ struct Answer {
   std::vector<Vec3f> gradient, closest;
 };
 
-Answer ask(const Lattice& lattice, const std::vector<Vec3f>& points, Simd simd) {
+Answer ask(const Lattice& lattice, const std::vector<Vec3f>& points, Simd simd,
+           Interpolation how = Interpolation::trilinear) {
   Answer a(points.size());
-  lattice.sample(points, {a.distance, a.gradient, a.closest}, simd);
+  lattice.sample(points, {a.distance, a.gradient, a.closest}, how, simd);
   return a;
 }
 
@@ -33,14 +34,13 @@ bool same(float a, float b) { return a == b || (std::isnan(a) && std::isnan(b));
 
 TEST(LatticeBatch, TheSameBitsByEveryInstructionSet) {
   const LatticeSamples s = test::sampled(test::torus(1, 0.4, 60, 30), 12, 0.1);
-  for (const auto storage : {Lattice::Storage::float32, Lattice::Storage::float16}) {
-    const Lattice lattice(s, storage);
+  const auto check = [&](const Lattice& lattice, Interpolation how) {
     for (const std::size_t n : {0, 1, 7, 8, 9, 15, 16, 17, 127, 128, 129, 2048, 2049, 5000}) {
       const std::vector<Vec3f> points = points_about(s.grid, n);
-      const Answer portable = ask(lattice, points, Simd::portable);
+      const Answer portable = ask(lattice, points, Simd::portable, how);
       for (const Simd simd : {Simd::avx2, Simd::avx512}) {
         if (simd > best_simd()) continue;
-        const Answer other = ask(lattice, points, simd);
+        const Answer other = ask(lattice, points, simd, how);
         for (std::size_t i = 0; i < n; ++i) {
           EXPECT_TRUE(same(portable.distance[i], other.distance[i])) << name(simd) << i;
           for (int k = 0; k < 3; ++k) {
@@ -50,7 +50,10 @@ TEST(LatticeBatch, TheSameBitsByEveryInstructionSet) {
         }
       }
     }
-  }
+  };
+  check(Lattice(s), Interpolation::trilinear);
+  check(Lattice(s, Lattice::Storage::float16), Interpolation::trilinear);
+  check(Lattice(s), Interpolation::hermite);
 }
 
 TEST(LatticeBatch, AnswersAsASinglePoint) {
