@@ -25,8 +25,10 @@ void run_lattice(const LatticeOptions& options, const Console& console);
 struct PadCommandOptions {
   std::filesystem::path input, output;
   std::string unit = "m", name = "tissue";
+  std::string method = "stuffing";   // stuffing | delaunay
   std::vector<std::string> regions;  // NAME=FILE
-  double spacing = 0;                // file units; 0: 1.4 mean edges
+  int surface_nodes = 3000;          // stuffing
+  double spacing = 0;                // file units; 0: by surface nodes (stuffing), 1.4 mean edges (delaunay)
   bool grade = true, repair = false;
 };
 void run_pad(const PadCommandOptions& options, const Console& console);

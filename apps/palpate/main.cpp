@@ -40,8 +40,10 @@ void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
 }
 
 void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
-  CLI::App* c = command(app, "pad", "Fill a closed surface with tetrahedra.",
-                        "palpate pad kidney.stl --unit mm --region stone=stone.stl -o kidney.vtu");
+  CLI::App* c =
+      command(app, "pad", "Fill a closed surface with tetrahedra.",
+              "palpate pad kidney.stl --unit mm --surface-nodes 3000 --region stone=stone.stl -o kidney.vtu\n"
+              "  palpate pad kidney.stl --unit mm --method delaunay -o kidney.vtu   (keeps its triangles)");
   c->add_option("input", o.input, "closed surface")->required();
   c->add_option("-o,--output", o.output, "tetrahedra: .vtu .msh .mesh .vtk .node (written in metres)")
       ->required();
@@ -50,9 +52,19 @@ void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
                 "NAME=FILE, a closed surface inside (repeatable; later ones lie inside earlier ones)")
       ->allow_extra_args(false);
   c->add_option("--name", o.name, "name of the region in no inner surface")->capture_default_str();
-  c->add_option("--spacing", o.spacing,
-                "of the interior nodes near the surface, in file units (default: 1.4 mean edges)");
-  c->add_flag("--repair", o.repair, "smooth the surfaces where they run through themselves");
+  c->add_option(
+       "--method", o.method,
+       "stuffing (elements of the size asked for, angles from 10.7 to 164.8 degrees) or delaunay (the "
+       "surface's own triangles)")
+      ->capture_default_str();
+  c->add_option("--surface-nodes", o.surface_nodes, "stuffing: how many, within 10 %")->capture_default_str();
+  c->add_option(
+      "--spacing", o.spacing,
+      "stuffing: size of the elements; delaunay: of the interior nodes near the surface (default: 1.4 "
+      "mean edges), in file units");
+  c->add_flag(
+      "--repair", o.repair,
+      "stuffing: bridge small holes; delaunay: smooth the surfaces where they run through themselves");
   c->add_flag("!--uniform", o.grade, "do not let the tetrahedra grow with depth");
   c->callback([&] { run_pad(o, console); });
 }

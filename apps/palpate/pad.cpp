@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "palpate/base/timer.hpp"
+#include "palpate/geometry/check.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
 
@@ -43,6 +44,19 @@ std::vector<Region> regions_of(const TetMesh& mesh) {
   return regions;
 }
 
+// How well the boundary of a stuffed mesh follows the surface.
+std::string distance_line(const PadReport& r, double area) {
+  std::string text = fmt::format("within {:.3g} m of the surface ({:.2f} elements)", r.boundary_off,
+                                 r.boundary_off / r.spacing);
+  if (r.missed.empty()) return text + ", the surface within half an element of it";
+  text += fmt::format("; too small for these elements: {:.3g} % of the surface, up to {:.3g} m away",
+                      100 * r.missed_area / area, r.missed[0].distance);
+  for (std::size_t i = 0; i < std::min<std::size_t>(r.missed.size(), 3); ++i)
+    text += fmt::format("{} ({:.5g}, {:.5g}, {:.5g}) m", i == 0 ? ", near" : ",", r.missed[i].at.x(),
+                        r.missed[i].at.y(), r.missed[i].at.z());
+  return text + (r.missed.size() > 3 ? ", ..." : "");
+}
+
 std::string missing_line(const PadReport& r) {
   if (r.missing_triangles == 0 && r.region_missing == 0) return "all triangles of the surfaces are faces";
   std::string text = fmt::format("{} triangles of the surface", r.missing_triangles);
@@ -54,7 +68,7 @@ std::string missing_line(const PadReport& r) {
   return text + (r.missing_at.size() > 3 ? ", ...; see docs/pad.md" : "; see docs/pad.md");
 }
 
-json as_json(const PadReport& r, const std::vector<Region>& regions) {
+json as_json(const PadReport& r, const std::vector<Region>& regions, bool stuffed) {
   const TetQuality& q = r.quality;
   json object{{"interior_nodes", r.interior_points},
               {"spacing_m", r.spacing},
@@ -74,6 +88,20 @@ json as_json(const PadReport& r, const std::vector<Region>& regions) {
               {"slivers", q.slivers},
               {"regions", json::array()}};
   for (const Vec3& p : r.missing_at) object["missing_at_m"].push_back({p.x(), p.y(), p.z()});
+  object["histogram_10deg"] = q.histogram;
+  if (stuffed) {
+    object.update({{"surface_nodes", r.surface_nodes},
+                   {"warped_nodes", r.warped},
+                   {"cut_nodes", r.cut},
+                   {"kept_nodes", r.kept},
+                   {"islands", r.islands},
+                   {"islands_volume_m3", r.islands_volume},
+                   {"boundary_off_m", r.boundary_off},
+                   {"missed_area_m2", r.missed_area},
+                   {"missed", json::array()}});
+    for (const MissedFeature& m : r.missed)
+      object["missed"].push_back({{"at_m", {m.at.x(), m.at.y(), m.at.z()}}, {"distance_m", m.distance}});
+  }
   for (const Region& g : regions)
     object["regions"].push_back({{"name", g.name}, {"tets", g.tets}, {"volume_m3", g.volume}});
   return object;
@@ -93,20 +121,31 @@ void show(const PadCommandOptions& o, const SurfaceFile& file, const Padded& pad
     line("repaired",
          fmt::format("{} places where it ran through itself: {} vertices moved, by up to {:.3g} m",
                      r.repaired.crossings, r.repaired.moved, r.repaired.farthest));
-  line("nodes", fmt::format("{}: {} interior, {:.4g} m apart near the surface{}", padded.mesh.nodes.size(),
-                            r.interior_points, r.spacing, o.grade ? ", more with depth" : ""));
-  line("tets", fmt::format("{}, {:.6g} m3; {} outside removed", padded.mesh.tets.size(), r.quality.volume,
-                           r.removed_outside));
+  const bool stuffed = o.method == "stuffing";
+  if (stuffed) {
+    line("nodes", fmt::format("{}: {} on the surface, elements of {:.4g} m there{}", padded.mesh.nodes.size(),
+                              r.surface_nodes, r.spacing, o.grade ? ", larger with depth" : ""));
+    line("tets", fmt::format("{}, {:.6g} m3 (the surface: {:.6g})", padded.mesh.tets.size(), r.quality.volume,
+                             std::abs(check(file.mesh).volume)));
+    if (r.islands > 0)
+      line("dropped", fmt::format("{} parts too small for these elements, {:.3g} m3 together", r.islands,
+                                  r.islands_volume));
+  } else {
+    line("nodes", fmt::format("{}: {} interior, {:.4g} m apart near the surface{}", padded.mesh.nodes.size(),
+                              r.interior_points, r.spacing, o.grade ? ", more with depth" : ""));
+    line("tets", fmt::format("{}, {:.6g} m3; {} outside removed", padded.mesh.tets.size(), r.quality.volume,
+                             r.removed_outside));
+  }
   for (const Region& g : regions)
     line("region", fmt::format("{}: {} tetrahedra, {:.6g} m3", g.name, g.tets, g.volume));
   line("quality",
        fmt::format("dihedral angles {:.1f} to {:.1f} degrees, {} slivers (below 5){}", r.quality.min_dihedral,
                    r.quality.max_dihedral, r.quality.slivers,
                    r.slivers_removed ? fmt::format(", {} flat ones peeled off", r.slivers_removed) : ""));
-  line("boundary", missing_line(r));
+  line("boundary", stuffed ? distance_line(r, check(file.mesh).area) : missing_line(r));
   line("time", fmt::format("{}, peak memory {}", human_time(seconds), human_bytes(peak_resident_bytes())));
   line("written", o.output.string());
-  json object = as_json(r, regions);
+  json object = as_json(r, regions, stuffed);
   object.update({{"input", o.input.string()},
                  {"output", o.output.string()},
                  {"format", file.format},
@@ -124,16 +163,20 @@ void show(const PadCommandOptions& o, const SurfaceFile& file, const Padded& pad
 void run_pad(const PadCommandOptions& options, const Console& console) {
   const double unit = unit_in_metres(options.unit);
   const SurfaceFile file = read_surface(options.input, unit);
-  PadOptions pad;
-  pad.spacing = options.spacing * unit;
-  pad.grade = options.grade;
-  pad.name = options.name;
-  pad.repair = options.repair;
+  PadOptions how;
+  if (options.method != "stuffing" && options.method != "delaunay")
+    throw Error(ErrorKind::usage, "--method {}: stuffing or delaunay", options.method);
+  how.method = options.method == "stuffing" ? PadMethod::stuffing : PadMethod::delaunay;
+  how.surface_nodes = options.surface_nodes;
+  how.spacing = options.spacing * unit;
+  how.grade = options.grade;
+  how.name = options.name;
+  how.repair = options.repair;
   const std::vector<NamedSurface> inner = read_regions(options, unit);
   const Timer timer = wall_timer();
   Padded padded = [&] {
     try {
-      return pad_delaunay(file.mesh, inner, pad, console.progress("padding"));
+      return pad(file.mesh, inner, how, console.progress("padding"));
     } catch (const Error& e) {
       if (e.kind() == ErrorKind::interrupted) throw;
       throw Error(e.kind(), "{}: {}", options.input.string(), e.what());

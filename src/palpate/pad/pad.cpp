@@ -10,6 +10,7 @@
 #include "palpate/pad/fill.hpp"
 #include "palpate/pad/flips.hpp"
 #include "palpate/pad/improve.hpp"
+#include "palpate/pad/input.hpp"
 #include "palpate/pad/recover.hpp"
 #include "palpate/pad/regions.hpp"
 
@@ -39,44 +40,6 @@ struct Input {
   std::vector<std::string> names;                // for messages
   std::vector<std::vector<Triangle>> triangles;  // of each surface, by nodes
 };
-
-void require_numbers(const TriangleMesh& mesh, const std::string& what) {
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
-    if (!(mesh.vertices[i].cwiseAbs().maxCoeff() < 1e60))
-      throw Error(ErrorKind::geometry, "{}: vertex {} has a coordinate that is no usable number", what, i);
-  std::vector<char> used(mesh.vertices.size(), 0);
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
-    for (const Index v : mesh.triangles[i]) {
-      if (v < 0 || static_cast<std::size_t>(v) >= mesh.vertices.size())
-        throw Error(ErrorKind::geometry, "{}: triangle {} uses vertex {}, of {}", what, i, v,
-                    mesh.vertices.size());
-      used[static_cast<std::size_t>(v)] = 1;
-    }
-  const auto unused = std::find(used.begin(), used.end(), 0);
-  if (unused != used.end())
-    throw Error(ErrorKind::geometry, "{}: no triangle uses vertex {}; weld the surface first", what,
-                unused - used.begin());
-}
-
-void require_closed(const TriangleMesh& mesh, const std::string& what) {
-  const MeshReport r = check(mesh);
-  if (r.triangles < 4)
-    throw Error(ErrorKind::geometry, "{} has {} triangles, too few to enclose anything", what, r.triangles);
-  if (r.open_edges > 0)
-    throw Error(
-        ErrorKind::geometry,
-        "{} is open: {} edges have one triangle only; close the holes, weld vertices at the same place", what,
-        r.open_edges);
-  if (r.nonmanifold_edges > 0)
-    throw Error(ErrorKind::geometry,
-                "{}: {} edges have three triangles or more; remove inner walls and doubled triangles", what,
-                r.nonmanifold_edges);
-  if (r.flipped_edges > 0)
-    throw Error(ErrorKind::geometry, "{}: triangles face opposite ways across {} edges; orient them alike",
-                what, r.flipped_edges);
-  if (!(std::abs(r.volume) > 1e-12 * std::pow(r.box.diagonal(), 3)))
-    throw Error(ErrorKind::geometry, "{} encloses no volume", what);
-}
 
 void add_surface(Input& input, const TriangleMesh& mesh, const std::string& what,
                  std::map<std::array<double, 3>, Index>& at) {
@@ -187,12 +150,7 @@ Input gather(const TriangleMesh& surface, const std::vector<NamedSurface>& inner
   if (points > most_points)
     throw Error(ErrorKind::resource, "{} surface vertices, of at most {}: simplify the surface", points,
                 most_points);
-  std::vector<std::string> names{options.name};
-  for (const NamedSurface& s : inner) {
-    if (s.name.empty() || std::count(names.begin(), names.end(), s.name))
-      throw Error(ErrorKind::usage, "region name \"{}\" is empty or given twice", s.name);
-    names.push_back(s.name);
-  }
+  require_names(options, inner);
   Input input;
   std::map<std::array<double, 3>, Index> at;
   const auto add = [&](const TriangleMesh& mesh, const std::string& what) {
@@ -328,6 +286,12 @@ TetMesh compact(const FlipMesh& mesh, std::size_t surface_nodes) {
 }
 
 }  // namespace
+
+Padded pad(const TriangleMesh& surface, const std::vector<NamedSurface>& inner, const PadOptions& options,
+           const Progress& progress) {
+  return options.method == PadMethod::delaunay ? pad_delaunay(surface, inner, options, progress)
+                                               : pad_stuffing(surface, inner, options, progress);
+}
 
 Padded pad_delaunay(const TriangleMesh& surface, const std::vector<NamedSurface>& inner,
                     const PadOptions& options, const Progress& progress) {

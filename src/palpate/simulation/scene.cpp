@@ -186,11 +186,15 @@ TetMesh read_or_pad(Table& organ, double unit, const Progress& progress) {
   }
   PadOptions options;
   options.name = organ.text("name", "tissue");
+  const std::string method = organ.text("method", "stuffing");
+  if (method != "stuffing" && method != "delaunay") organ.fail("method", "must be stuffing or delaunay");
+  options.method = method == "stuffing" ? PadMethod::stuffing : PadMethod::delaunay;
+  options.surface_nodes = static_cast<int>(organ.whole("surface_nodes", 3000, 20, 1000000));
   options.spacing = organ.quantity("spacing", 0, length_units);
   options.repair = organ.flag("repair", false);
   if (!organ.has("surface"))
     organ.fail("", "say model = \"x.h5\", tets = \"x.vtu\", surface = \"x.stl\" or kidney = 1000");
-  return pad_delaunay(read_surface(organ.path("surface"), unit).mesh, inner, options, progress).mesh;
+  return pad(read_surface(organ.path("surface"), unit).mesh, inner, options, progress).mesh;
 }
 
 Organ read_organ_table(Table organ, int threads, const Progress& progress) {

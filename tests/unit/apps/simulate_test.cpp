@@ -72,13 +72,13 @@ struct RealOrgans : Simulate {
 // Runs through itself at six places; its size is not stated: inches make it a liver. The bishop head first.
 TEST_F(RealOrgans, LiverAndBishop) {
   const std::string down = ",0.70710678,-0.70710678,0,0,";
-  const json r =
-      press("surface = '" + data +
-                "/organs/liver-smooth.obj'\nunit = 'in'\nrepair = true\nanchors = ['half-space 0 0 "
-                "0.4 0 0 1']\nmaterials.tissue = { young = '5 kPa', poisson = 0.45 }",
-            "surface = '" + data + "/inventor/bishop.iv'\nsubdivisions = 40",
-            "0" + down + "-0.0626,0.0399,0.1616\n0.6" + down + "-0.0626,0.0399,0.1476\n1" + down +
-                "-0.0526,0.0399,0.1476\n1.2" + down + "-0.0526,0.0399,0.1616\n");
+  const json r = press("surface = '" + data +
+                           "/organs/liver-smooth.obj'\nunit = 'in'\nmethod = 'delaunay'\nrepair = "
+                           "true\nanchors = ['half-space 0 0 "
+                           "0.4 0 0 1']\nmaterials.tissue = { young = '5 kPa', poisson = 0.45 }",
+                       "surface = '" + data + "/inventor/bishop.iv'\nsubdivisions = 40",
+                       "0" + down + "-0.0626,0.0399,0.1616\n0.6" + down + "-0.0626,0.0399,0.1476\n1" + down +
+                           "-0.0526,0.0399,0.1476\n1.2" + down + "-0.0526,0.0399,0.1616\n");
   EXPECT_EQ(r["surface_nodes"], 2194);
   EXPECT_GT(r["deepest_before_m"].get<double>(), 0.004);
   EXPECT_LT(r["deepest_after_m"].get<double>(), 2.2e-7);
