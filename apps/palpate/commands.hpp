@@ -27,6 +27,7 @@ struct PadCommandOptions {
   std::string unit = "m", name = "tissue";
   std::string method = "stuffing";   // stuffing | delaunay
   std::vector<std::string> regions;  // NAME=FILE
+  std::vector<std::string> labels;   // NAME=1,2 of a label volume; the first is what surrounds the others
   int surface_nodes = 3000;          // stuffing
   double spacing = 0;                // file units; 0: by surface nodes (stuffing), 1.4 mean edges (delaunay)
   bool grade = true, repair = false;

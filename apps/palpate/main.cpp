@@ -43,13 +43,18 @@ void add_pad(CLI::App& app, PadCommandOptions& o, const Console& console) {
   CLI::App* c =
       command(app, "pad", "Fill a closed surface with tetrahedra.",
               "palpate pad kidney.stl --unit mm --surface-nodes 3000 --region stone=stone.stl -o kidney.vtu\n"
-              "  palpate pad kidney.stl --unit mm --method delaunay -o kidney.vtu   (keeps its triangles)");
-  c->add_option("input", o.input, "closed surface")->required();
+              "  palpate pad kidney.stl --unit mm --method delaunay -o kidney.vtu   (keeps its triangles)\n"
+              "  palpate pad seg.nii.gz --labels kidney=2,3 --labels stone=5 -o kidney.vtu");
+  c->add_option("input", o.input, "closed surface, or a label volume: .nii .nii.gz")->required();
   c->add_option("-o,--output", o.output, "tetrahedra: .vtu .msh .mesh .vtk .node (written in metres)")
       ->required();
   c->add_option("--unit", o.unit, unit_help)->capture_default_str();
   c->add_option("--region", o.regions,
                 "NAME=FILE, a closed surface inside (repeatable; later ones lie inside earlier ones)")
+      ->allow_extra_args(false);
+  c->add_option(
+       "--labels", o.labels,
+       "of a label volume: NAME=1,2 (repeatable; the first is the tissue around the others; default: all)")
       ->allow_extra_args(false);
   c->add_option("--name", o.name, "name of the region in no inner surface")->capture_default_str();
   c->add_option(

@@ -3,13 +3,17 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <charconv>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/geometry/check.hpp"
+#include "palpate/io/nifti.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
+#include "palpate/pad/label_surface.hpp"
 
 namespace palpate {
 
@@ -26,6 +30,72 @@ std::vector<NamedSurface> read_regions(const PadCommandOptions& o, double unit) 
     inner.push_back({region.substr(0, equals), read_surface(region.substr(equals + 1), unit).mesh});
   }
   return inner;
+}
+
+// The surface to pad, and those within.
+struct Source {
+  SurfaceFile file;
+  std::vector<NamedSurface> inner;
+  std::string name;  // of what lies in no inner surface
+};
+
+std::vector<std::int32_t> parse_labels_option(const std::string& text, std::string& name) {
+  const std::size_t equals = text.find('=');
+  std::vector<std::int32_t> labels;
+  if (equals != std::string::npos && equals > 0) {
+    name = text.substr(0, equals);
+    std::size_t at = equals;
+    while (at != std::string::npos) {
+      const std::size_t end = text.find(',', at + 1);
+      const std::string number = text.substr(at + 1, end == std::string::npos ? end : end - at - 1);
+      std::int32_t label = 0;
+      const auto [rest, error] = std::from_chars(number.data(), number.data() + number.size(), label);
+      if (error != std::errc() || rest != number.data() + number.size())
+        throw Error(ErrorKind::usage, "--labels {}: \"{}\" is no label; say NAME=1,2", text, number);
+      labels.push_back(label);
+      at = end;
+    }
+  }
+  if (labels.empty()) throw Error(ErrorKind::usage, "--labels {}: say NAME=1,2", text);
+  return labels;
+}
+
+Source read_label_source(const PadCommandOptions& o) {
+  const LabelVolume volume = read_labels(o.input);
+  Source out{{}, {}, o.name};
+  std::vector<std::int32_t> all;
+  for (std::size_t i = 0; i < o.labels.size(); ++i) {
+    std::string name;
+    const std::vector<std::int32_t> labels = parse_labels_option(o.labels[i], name);
+    for (const std::int32_t l : labels)
+      if (std::find(all.begin(), all.end(), l) != all.end())
+        throw Error(ErrorKind::usage, "--labels: label {} is given twice", l);
+    all.insert(all.end(), labels.begin(), labels.end());
+    if (i == 0)
+      out.name = name;
+    else
+      out.inner.push_back({name, label_surface(volume, labels)});
+  }
+  if (all.empty()) {
+    all = volume.labels;
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    std::erase(all, 0);
+    if (all.size() > 256)
+      throw Error(ErrorKind::usage,
+                  "{} has {} different values: an image, not labels? Say which to fill: --labels NAME=1,2",
+                  o.input.string(), all.size());
+  }
+  out.file.mesh = label_surface(volume, all);
+  out.file.format = "NIfTI";
+  return out;
+}
+
+Source read_source(const PadCommandOptions& o, double unit) {
+  if (is_label_file(o.input)) return read_label_source(o);
+  if (!o.labels.empty())
+    throw Error(ErrorKind::usage, "--labels: {} is no label volume (.nii, .nii.gz)", o.input.string());
+  return {read_surface(o.input, unit), {}, o.name};
 }
 
 struct Region {
@@ -162,7 +232,8 @@ void show(const PadCommandOptions& o, const SurfaceFile& file, const Padded& pad
 
 void run_pad(const PadCommandOptions& options, const Console& console) {
   const double unit = unit_in_metres(options.unit);
-  const SurfaceFile file = read_surface(options.input, unit);
+  Source source = read_source(options, unit);
+  const SurfaceFile& file = source.file;
   PadOptions how;
   if (options.method != "stuffing" && options.method != "delaunay")
     throw Error(ErrorKind::usage, "--method {}: stuffing or delaunay", options.method);
@@ -170,9 +241,10 @@ void run_pad(const PadCommandOptions& options, const Console& console) {
   how.surface_nodes = options.surface_nodes;
   how.spacing = options.spacing * unit;
   how.grade = options.grade;
-  how.name = options.name;
+  how.name = source.name;
   how.repair = options.repair;
-  const std::vector<NamedSurface> inner = read_regions(options, unit);
+  std::vector<NamedSurface> inner = read_regions(options, unit);
+  inner.insert(inner.begin(), source.inner.begin(), source.inner.end());
   const Timer timer = wall_timer();
   Padded padded = [&] {
     try {

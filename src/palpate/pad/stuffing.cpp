@@ -5,6 +5,7 @@
 #include <numeric>
 #include <tuple>
 #include <unordered_map>
+#include <utility>
 
 #include "palpate/pad/stencils.hpp"
 
@@ -17,6 +18,7 @@ std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 // How near, in edge lengths, a cut comes to a node before the node is moved onto it: along the edges of the
 // cubes, and along those from corners to centres (table 1 of the paper: angles from 10.7 to 164.8 degrees).
 constexpr double near_long = 0.24999, near_short = 0.41189;
+const double most_cosine = std::cos(11 * M_PI / 180), least_cosine = std::cos(164 * M_PI / 180);
 constexpr std::size_t most_cells = 20000000;
 constexpr int coarsest = 6;
 
@@ -203,6 +205,7 @@ class Stuffing {
   void drop_islands(std::size_t parts);
   std::vector<Index> pinches() const;
   void meet(std::size_t surface);
+  bool good_about(std::size_t v) const;
   void collect();
 
   const SignedDistanceField& outer_;
@@ -368,14 +371,39 @@ void Stuffing::meet(std::size_t surface) {
       }
   }
   for (std::size_t v = 0; v < n; ++v) {
-    const bool clear = nearest[v] < std::numeric_limits<double>::infinity() && first_[v] == first_[v + 1];
-    if (clear) place_[v] = target[v], moved_[v] = 1, d[v] = 0;
+    if (!(nearest[v] < std::numeric_limits<double>::infinity()) || first_[v] != first_[v + 1]) continue;
+    const Vec3 before = std::exchange(place_[v], target[v]);
+    if (good_about(v))
+      moved_[v] = 1, d[v] = 0;
+    else
+      place_[v] = before;
   }
   for (std::size_t i = 0; i < tets_.size(); ++i) {
-    double sum = 0;
-    for (const Index v : tets_[i]) sum += distance(v);
-    if (sum < 0) region_[i] = region;
+    Vec3 middle = Vec3::Zero();
+    for (const Index v : tets_[i]) middle += place_[at(v)] / 4;
+    if (field.at(middle).distance < 0) region_[i] = region;
   }
+}
+
+// Whether the lattice's tetrahedra at a node, none of them cut, keep to the bounds of the angles.
+bool Stuffing::good_about(std::size_t v) const {
+  for (std::size_t i = first_tet_[v]; i < first_tet_[v + 1]; ++i) {
+    const Tetrahedron& t = lattice_.tets[at(tet_of_[i])];
+    std::array<Vec3, 4> normal;  // outwards
+    for (std::size_t f = 0; f < 4; ++f) {
+      const Vec3 &x = place_[at(t[(f + 1) % 4])], &y = place_[at(t[(f + 2) % 4])],
+                 &z = place_[at(t[(f + 3) % 4])];
+      normal[f] = (y - x).cross(z - x).normalized();
+      const double height = normal[f].dot(place_[at(t[f])] - x);
+      if (!(std::abs(height) > 1e-6 * lattice_.cell)) return false;
+      if (height > 0) normal[f] = -normal[f];
+    }
+    for (std::size_t f = 0; f < 4; ++f)
+      for (std::size_t g = 0; g < f; ++g)
+        if (const double cosine = -normal[f].dot(normal[g]); cosine > most_cosine || cosine < least_cosine)
+          return false;
+  }
+  return true;
 }
 
 void Stuffing::collect() {
