@@ -99,7 +99,7 @@ template <class Kernel>
   }
 }
 
-// A value and its derivatives along x, y, z in units of a cell.
+// A value and, where wanted, its derivatives along x, y, z, a cell's side as the unit.
 template <class V>
 struct Jets {
   V value, slope[3];
@@ -114,16 +114,17 @@ struct Trilinear {
   }
   template <class Kernel, class V = typename Kernel::V>
   [[gnu::always_inline]] static inline void at(const BatchView& view, const std::int32_t* first, const V* t,
-                                               Jets<V>& out) {
+                                               bool slopes, Jets<V>& out) {
     V c[8];
     Kernel::corners(view, first, c);
     const V z00 = c[1] - c[0], z01 = c[3] - c[2], z10 = c[5] - c[4], z11 = c[7] - c[6];
     const V a00 = c[0] + t[2] * z00, a01 = c[2] + t[2] * z01, a10 = c[4] + t[2] * z10,
             a11 = c[6] + t[2] * z11;
     const V y0 = a01 - a00, y1 = a11 - a10, b0 = a00 + t[1] * y0, b1 = a10 + t[1] * y1, x = b1 - b0;
-    const V e0 = z00 + t[1] * (z01 - z00), e1 = z10 + t[1] * (z11 - z10);
     const float scale = view.quads ? view.h : 1;
     out.value = (b0 + t[0] * x) * scale;
+    if (!slopes) return;
+    const V e0 = z00 + t[1] * (z01 - z00), e1 = z10 + t[1] * (z11 - z10);
     out.slope[0] = x * scale, out.slope[1] = (y0 + t[0] * (y1 - y0)) * scale;
     out.slope[2] = (e0 + t[0] * (e1 - e0)) * scale;
   }
@@ -142,7 +143,7 @@ struct Hermite {
 
   template <class Kernel, class V = typename Kernel::V>
   [[gnu::always_inline]] static inline void at(const BatchView& view, const std::int32_t* first, const V* t,
-                                               Jets<V>& out) {
+                                               bool slopes, Jets<V>& out) {
     const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
     V c[8][4];  // corner 4 i + 2 j + k: distance in units of h, gradient
     for (std::size_t m = 0; m < 8; ++m) {
@@ -166,6 +167,7 @@ struct Hermite {
           const V w = wu[i] * wv[j];
           if (a == 0) out.value += w * (c[m][0] + t[a] * line);
           out.value += w * bend;
+          if (!slopes) continue;
           out.slope[a] += w * (line + slope);
           out.slope[u] += (i ? wv[j] : -wv[j]) * bend;
           out.slope[v] += (j ? wu[i] : -wu[i]) * bend;
@@ -183,7 +185,7 @@ template <class Kernel, class Interpolant>
   V t[3];
   for (std::size_t a = 0; a < 3; ++a) std::memcpy(&t[a], cells.t[a] + slot, sizeof(V));
   Jets<V> jets;
-  Interpolant::template at<Kernel>(view, cells.first + slot, t, jets);
+  Interpolant::template at<Kernel>(view, cells.first + slot, t, out.gradient != nullptr, jets);
   std::memcpy(out.distance, &jets.value, n == Kernel::width ? sizeof(V) : n * sizeof(float));
   std::memcpy(out.outside, cells.outside + slot, n == Kernel::width ? sizeof(V) : n * sizeof(float));
   if (!out.gradient) return;
