@@ -174,7 +174,8 @@ std::vector<Value> compressed(int surface_nodes) {
   std::vector<double> to_factored, to_hierarchical;
   {  // as bake() asks: rather no row than a machine out of memory
     const Symbolic symbolic = analyse(node_graph(p.k.matrix), nested_dissection(p.k.matrix));
-    const std::size_t need = 22 * factored_entries(symbolic, p.loads);
+    Factored<float> outline = factored_outline(symbolic, p.loads);
+    const std::size_t need = 4 * outline.arrange() + compress_bytes(outline, p.positions, 1e-3, 1);
     if (need > available_bytes())
       throw Error(ErrorKind::resource, "needs {}, {} are free", megabytes(need),
                   megabytes(available_bytes()));

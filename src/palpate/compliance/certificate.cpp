@@ -12,7 +12,7 @@ std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // |E| <= bound sqrt(2 / pi) max |E w| over `probes` Gaussian w, but with probability bound^-probes = 1e-9.
 // Nine probes would have a bound of ten: five times the storage's accuracy for nothing.
-constexpr std::size_t probes = 30;
+constexpr std::size_t probes = certificate_probes;
 constexpr double bound = 2;
 constexpr unsigned seed = 1000003;  // not those that the bases were found with
 
@@ -32,7 +32,7 @@ class Certificate {
       : h_(h), sketches_(y, h, threads), progress_(progress) {}
 
   std::vector<double> run() {
-    sketches_.make(seed, probes, true, progress_);
+    sketches_.make(seed, probes, h_.levels, progress_);
     carry_up();
     std::vector<std::vector<Part>> parts(h_.clusters());
     sketches_.each(h_.levels, [&](std::size_t leaf) {

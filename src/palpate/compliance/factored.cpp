@@ -263,8 +263,8 @@ Factored<Scalar> plan(const Symbolic& sym, const Loads& loads) {
 
 }  // namespace
 
-std::size_t factored_entries(const Symbolic& symbolic, const Sparse& loads) {
-  return plan<float>(symbolic, sort_loads(symbolic, loads)).arrange();
+Factored<float> factored_outline(const Symbolic& symbolic, const Sparse& loads) {
+  return plan<float>(symbolic, sort_loads(symbolic, loads));
 }
 
 template <class Scalar>

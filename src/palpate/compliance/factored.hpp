@@ -57,8 +57,8 @@ template <class Scalar>
 Factored<Scalar> factor_compliance(const Cholesky& cholesky, const Eigen::SparseMatrix<double>& loads,
                                    int threads, const Progress& progress);
 
-// Numbers in Y, known before any work is done.
-std::size_t factored_entries(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads);
+// Y without its numbers, known before any work is done; y.size() would be arrange().
+Factored<float> factored_outline(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads);
 
 // A unit force on each unknown of each node, of `all`.
 Eigen::SparseMatrix<double> unit_loads(std::size_t all, std::span<const Index> nodes);

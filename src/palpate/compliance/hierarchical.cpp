@@ -8,6 +8,7 @@
 #include <random>
 
 #include "palpate/base/error.hpp"
+#include "palpate/compliance/cholesky_impl.hpp"
 #include "palpate/compliance/sketches.hpp"
 #include "palpate/compliance/storage.hpp"
 
@@ -75,6 +76,10 @@ void find_blocks(Hierarchical& h, const std::vector<Ball>& ball, std::size_t r, 
   }
 }
 
+// Sketches of this many levels, the lowest, are made when they are wanted first and dropped when wanted last:
+// the walk down the tree is local. It costs a pass over Y for each level, and saves most of the memory.
+constexpr int levels_on_demand = 3;
+
 struct Builder {
   const Factored<float>& y;
   Hierarchical& h;
@@ -83,27 +88,33 @@ struct Builder {
   std::size_t probes;  // columns of the sketches
   double cut;          // of the bases
   Sketches sketches{y, h, threads};
-  std::vector<std::vector<Index>> far_of = std::vector<std::vector<Index>>(h.clusters());
-  // Leaves' matrices are most of the memory: made when they are wanted first, dropped when wanted last.
-  struct Wanted {
-    std::once_flag made;
-    std::atomic<std::size_t> left{0};
+  int lowest = h.levels - levels_on_demand;  // level down to which sketches are kept
+  struct Cluster {
+    std::once_flag sketched;
+    std::atomic<std::size_t> sketch_left{0}, seen_left{0}, own_left{0};  // uses to come
+    std::vector<std::size_t> blocks;
+    PathMatrix seen, own;      // Y times the basis; Y of a leaf
+    std::vector<float> basis;  // or transfers, stacked
   };
-  std::vector<Wanted> sketches_wanted = std::vector<Wanted>(h.clusters());
-  std::vector<Wanted> seen_wanted = std::vector<Wanted>(h.clusters());
-  std::vector<PathMatrix> seen = std::vector<PathMatrix>(h.clusters());  // Y times the basis
-  std::vector<std::vector<float>> basis =
-      std::vector<std::vector<float>>(h.clusters());  // or transfers, stacked
+  std::vector<Cluster> clusters = std::vector<Cluster>(h.clusters());
+  struct Made {
+    std::atomic<int> sides{0};  // of its two clusters that are ready
+    std::vector<float> values;
+  };
+  std::vector<Made> made = std::vector<Made>(h.blocks.size());
 
-  void prepare() {
-    for (const auto& b : h.blocks) {
-      if (b.near) continue;
-      far_of[at(b.row)].push_back(b.column);
-      far_of[at(b.column)].push_back(b.row);
+  void count_uses() {
+    for (std::size_t i = 0; i < h.blocks.size(); ++i) {
+      const auto& b = h.blocks[i];
+      for (const Index side : {b.row, b.column}) {
+        Cluster& c = clusters[at(side)];
+        ++(b.near ? c.own_left : c.seen_left);
+        if (!b.near) ++c.sketch_left;
+        if (c.blocks.empty() || c.blocks.back() != i) c.blocks.push_back(i);
+      }
     }
-    for (std::size_t c = 0; c < far_of.size(); ++c)
-      sketches_wanted[c].left = seen_wanted[c].left = far_of[c].size();
-    sketches.make(seed, probes, false, progress);
+    for (std::size_t c = 0; c < clusters.size(); ++c)
+      clusters[c].seen_left += Hierarchical::level(c) > sketches.top();  // for its parent's
   }
 
   // The leading left singular vectors of a (m x probes) that leave less than `cut`: m x rank, column-major.
@@ -123,63 +134,124 @@ struct Builder {
   }
 
   const PathMatrix& sketch(std::size_t c) {
-    if (h.leaf(c)) std::call_once(sketches_wanted[c].made, [&] { sketches.make_leaf(seed, probes, c); });
+    if (Hierarchical::level(c) > lowest)
+      std::call_once(clusters[c].sketched, [&] { sketches.make_one(seed, probes, c); });
     return sketches.of(c);
   }
-  const PathMatrix& seen_by(std::size_t c) {
-    if (h.leaf(c))
-      std::call_once(seen_wanted[c].made,
-                     [&] { seen[c] = times(sketches.columns(c), basis[c].data(), h.width(c)); });
-    return seen[c];
-  }
 
-  // Finds the bases of a subtree. `above`: the weighted sketch of the parent's far field.
-  bool descend(std::size_t c, const PathMatrix* above) {
+  // The weighted sketch of all that is far from the cluster or from one above it.
+  PathMatrix field_of(std::size_t c, const PathMatrix* above) {
     PathMatrix field(sketches.rows(c), probes);
     if (above) add(*above, 1, field);
-    for (const Index other : far_of[c]) {
+    for (const Index other : sketches.far_of(c)) {
       const double weight = 1 / std::sqrt(sketches.norm(c) * sketches.norm(at(other)));
       add(sketch(at(other)), static_cast<float>(weight), field);
-      if (--sketches_wanted[at(other)].left == 0) sketches.drop(at(other));
+      if (--clusters[at(other)].sketch_left == 0) sketches.drop(at(other));
     }
+    return field;
+  }
+
+  // Finds the bases of a subtree, and makes the blocks whose other cluster has its basis already.
+  bool descend(std::size_t c, const PathMatrix* above) {
+    stop_if_asked(progress);
+    const PathMatrix field = field_of(c, above);
+    Cluster& cluster = clusters[c];
     if (h.leaf(c)) {
-      const PathMatrix own = sketches.columns(c);
-      std::vector<float> a(own.columns * probes);
-      multiply_paths(own, field, probes, a.data(), own.columns);
-      if (!set_basis(c, leading(a, own.columns), own.columns)) return false;
-      seen[c] = times(own, basis[c].data(), h.width(c));
-      return true;
+      cluster.own = sketches.columns(c);
+      const std::size_t m = cluster.own.columns;
+      std::vector<float> a(m * probes);
+      multiply_paths(cluster.own, field, probes, a.data(), m);
+      if (!set_basis(c, leading(a, m), m)) return false;
+      cluster.seen = times(cluster.own, cluster.basis.data(), h.width(c));
+    } else {
+      const std::size_t left = 2 * c + 1, right = left + 1;
+      if (!descend(left, &field) || !descend(right, &field)) return false;
+      const std::size_t k = h.width(left), m = k + h.width(right);
+      std::vector<float> a(m * probes);
+      if (m > 0) {
+        multiply_paths(clusters[left].seen, field, probes, a.data(), m);
+        multiply_paths(clusters[right].seen, field, probes, a.data() + k, m);
+      }
+      if (!set_basis(c, leading(a, m), m)) return false;
+      cluster.seen = PathMatrix(sketches.rows(c), h.width(c));
+      for (const std::size_t child : {left, right}) {
+        const std::vector<float> part = transfer(child);
+        add(times(clusters[child].seen, part.data(), h.width(c)), 1, cluster.seen);
+        used(clusters[child].seen_left, clusters[child].seen);
+      }
     }
-    const std::size_t left = 2 * c + 1, right = left + 1;
-    if (!descend(left, &field) || !descend(right, &field)) return false;
-    const std::size_t k = h.width(left), m = k + h.width(right);
-    std::vector<float> a(m * probes);
-    if (m > 0) {
-      multiply_paths(seen[left], field, probes, a.data(), m);
-      multiply_paths(seen[right], field, probes, a.data() + k, m);
-    }
-    if (!set_basis(c, leading(a, m), m)) return false;
-    seen[c] = PathMatrix(sketches.rows(c), h.width(c));
-    for (const std::size_t child : {left, right}) {
-      const std::size_t width = h.width(child);
-      std::vector<float> part(width * h.width(c));
-      for (std::size_t j = 0; j < h.width(c); ++j)
-        std::copy_n(basis[c].data() + j * m + (child == left ? 0 : k), width, part.data() + j * width);
-      add(times(seen[child], part.data(), h.width(c)), 1, seen[c]);
-      if (h.leaf(child)) seen[child] = {};
-    }
+    for (const std::size_t b : cluster.blocks) arrive(b);
     return true;
+  }
+
+  // descend() without numbers, as far as memory goes: what it takes, and gives back, in floats. h has the
+  // ranks.
+  void rehearse(std::size_t c, StackNeed& need) {
+    const auto size = [&](std::size_t k, std::size_t columns) { return sketches.rows(k).size * columns; };
+    const auto use = [&](std::atomic<std::size_t>& left, std::size_t floats) {
+      if (--left == 0) need.pop(floats);
+    };
+    need.push(size(c, probes));  // the field
+    for (const Index other : sketches.far_of(c)) {
+      const std::size_t o = at(other);
+      if (Hierarchical::level(o) > lowest)
+        std::call_once(clusters[o].sketched, [&] { need.push(size(o, probes)); });
+      use(clusters[o].sketch_left, size(o, probes));
+    }
+    if (!h.leaf(c)) rehearse(2 * c + 1, need), rehearse(2 * c + 2, need);
+    need.push(size(c, h.width(c)));
+    if (h.leaf(c))
+      need.push(size(c, h.unknowns(c)));
+    else
+      for (const std::size_t child : {2 * c + 1, 2 * c + 2})
+        use(clusters[child].seen_left, size(child, h.width(child)));
+    for (const std::size_t block : clusters[c].blocks) {
+      const auto& b = h.blocks[block];
+      if (++made[block].sides < 2 && b.row != b.column) continue;
+      for (const std::size_t side : {at(b.row), at(b.column)})
+        b.near ? use(clusters[side].own_left, size(side, h.unknowns(side)))
+               : use(clusters[side].seen_left, size(side, h.width(side)));
+    }
+    need.pop(size(c, probes));
   }
 
   // False: the sketch is too thin to tell the rank.
   bool set_basis(std::size_t c, std::vector<float> values, std::size_t m) {
     const std::size_t width = m > 0 ? values.size() / m : 0;
     h.rank[c] = static_cast<Index>(width);
-    basis[c] = std::move(values);
+    clusters[c].basis = std::move(values);
     return width == m || width + 8 <= probes;
   }
 
+  // A cluster's rows of its parent's basis.
+  std::vector<float> transfer(std::size_t c) const {
+    const std::size_t parent = (c - 1) / 2, left = 2 * parent + 1, width = h.width(c);
+    const std::size_t m = h.width(left) + h.width(left + 1), skip = c == left ? 0 : h.width(left);
+    std::vector<float> part(width * h.width(parent));
+    for (std::size_t j = 0; j < h.width(parent); ++j)
+      std::copy_n(clusters[parent].basis.data() + j * m + skip, width, part.data() + j * width);
+    return part;
+  }
+
+  static void used(std::atomic<std::size_t>& left, PathMatrix& matrix) {
+    if (--left == 0) matrix = {};
+  }
+
+  // One of a block's clusters is ready. The second makes the block.
+  void arrive(std::size_t block) {
+    const auto& b = h.blocks[block];
+    if (++made[block].sides < 2 && b.row != b.column) return;
+    Cluster &r = clusters[at(b.row)], &c = clusters[at(b.column)];
+    const PathMatrix &x = b.near ? r.own : r.seen, &z = b.near ? c.own : c.seen;
+    made[block].values.resize(x.columns * z.columns);
+    multiply_paths(x, z, z.columns, made[block].values.data(), x.columns);
+    for (Cluster* side : {&r, &c})
+      b.near ? used(side->own_left, side->own) : used(side->seen_left, side->seen);
+  }
+
   bool find_bases() {
+    count_uses();
+    sketches.make(seed, probes, lowest, progress);
     std::vector<std::uint8_t> good(h.clusters(), 1);
     sketches.each(sketches.top(), [&](std::size_t c) { good[c] = descend(c, nullptr); });
     return std::all_of(good.begin(), good.end(), [](std::uint8_t g) { return g != 0; });
@@ -187,39 +259,14 @@ struct Builder {
 
   void fill() {
     h.values = HugeArray<float>(h.arrange());
+    const auto put = [&](std::vector<float> values, std::size_t offset) {
+      std::copy(values.begin(), values.end(), h.values.data() + offset);
+    };
     for (std::size_t c = 0; c < h.clusters(); ++c) {
-      if (h.leaf(c)) {
-        std::copy(basis[c].begin(), basis[c].end(), h.values.data() + h.basis[c]);
-        continue;
-      }
-      const std::size_t left = 2 * c + 1, m = h.width(left) + h.width(left + 1);
-      for (std::size_t j = 0; j < h.width(c); ++j)
-        for (const std::size_t child : {left, left + 1})
-          std::copy_n(basis[c].data() + j * m + (child == left ? 0 : h.width(left)), h.width(child),
-                      h.values.data() + h.transfer[child] + j * h.width(child));
+      if (h.leaf(c)) put(std::move(clusters[c].basis), h.basis[c]);
+      if (c > 0) put(transfer(c), h.transfer[c]);
     }
-    std::vector<std::size_t> begin{0};  // blocks of one row together: its leaf's columns of Y are made once
-    for (std::size_t b = 1; b <= h.blocks.size(); ++b)
-      if (b == h.blocks.size() || h.blocks[b].row != h.blocks[b - 1].row) begin.push_back(b);
-    parallel_for(begin.size() - 1, 1, threads, [&](std::size_t i, std::size_t) {
-      PathMatrix own;
-      for (std::size_t b = begin[i]; b < begin[i + 1]; ++b) fill_block(h.blocks[b], own);
-      stop_if_asked(progress);
-    });
-  }
-
-  void fill_block(const Hierarchical::Block& b, PathMatrix& own) {
-    const std::size_t r = at(b.row), c = at(b.column);
-    float* out = h.values.data() + b.values;
-    if (!b.near) {
-      multiply_paths(seen_by(r), seen_by(c), h.width(c), out, h.width(r));
-      for (const std::size_t cluster : {r, c})
-        if (--seen_wanted[cluster].left == 0) seen[cluster] = {};
-      return;
-    }
-    if (!own.rows) own = sketches.columns(r);
-    const PathMatrix other = sketches.columns(c);
-    multiply_paths(own, other, other.columns, out, own.columns);
+    for (std::size_t b = 0; b < made.size(); ++b) put(std::move(made[b].values), h.blocks[b].values);
   }
 };
 
@@ -236,7 +283,39 @@ Hierarchical outline(std::size_t nodes, std::span<const Vec3> positions) {
   return h;
 }
 
+std::size_t first_probes(double tolerance) { return tolerance < 3e-4 ? 160 : 80; }
+
 }  // namespace
+
+std::size_t compress_bytes(const Factored<float>& outline_of_y, std::span<const Vec3> positions,
+                           double tolerance, int threads) {
+  Hierarchical h = outline(positions.size(), positions);
+  const std::size_t probes = first_probes(tolerance);
+  // As measured, a rank of 17 for each digit; less in the few large clusters.
+  const auto rank = static_cast<std::size_t>(17 * -std::log10(tolerance));
+  for (std::size_t c = 0; c < h.clusters(); ++c)
+    h.rank[c] = static_cast<Index>(std::min({rank, h.unknowns(c), probes}));
+  const Progress quiet;
+  Builder builder{outline_of_y, h, threads, quiet, probes, 0};
+  const Sketches& sketches = builder.sketches;
+  for (std::size_t c = 0; c < h.clusters(); ++c)
+    if (Hierarchical::level(c) < sketches.top()) h.rank[c] = 0;
+  const std::size_t values = h.arrange();
+  builder.count_uses();
+  StackNeed need;
+  std::size_t certificate = 0;
+  for (std::size_t c = 0; c < h.clusters(); ++c) {
+    certificate += sketches.rows(c).size * certificate_probes;
+    if (Hierarchical::level(c) <= builder.lowest) need.push(sketches.rows(c).size * probes);
+  }
+  for (std::size_t c = 0; c < h.clusters(); ++c)
+    if (Hierarchical::level(c) == sketches.top()) builder.rehearse(c, need);
+  // Each thread is at another place of the tree, with its own neighbourhood; and has some work space.
+  const int workers = std::clamp(threads == 0 ? default_threads() : threads, 1, 8);
+  const auto build = static_cast<std::size_t>((0.9 + 0.15 * workers) * static_cast<double>(need.most()));
+  const std::size_t work = std::size_t{20'000'000} * static_cast<std::size_t>(workers);
+  return work + sizeof(float) * (values + std::max(build, certificate));
+}
 
 std::size_t Hierarchical::arrange() {
   std::size_t total = 0;
@@ -261,15 +340,13 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
     throw Error(ErrorKind::internal, "{} positions for {} loads", positions.size(), factored.load_at.size());
   // What the certificate finds in the worst block is some six times what is cut off.
   double cut = tolerance / 6;
-  std::size_t probes = 80;
+  std::size_t probes = first_probes(tolerance);
   for (int attempt = 0; attempt < 8; ++attempt) {
     const auto report = [&](double f) { progress.at(1 - std::pow(0.3, attempt + f)); };
     report(0);
     Hierarchical h = outline(positions.size(), positions);
     {
       Builder builder{factored, h, threads, progress, probes, cut};
-      builder.prepare();
-      report(0.3);
       if (!builder.find_bases()) {
         probes *= 2;
         continue;

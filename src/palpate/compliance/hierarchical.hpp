@@ -53,13 +53,18 @@ struct Hierarchical {
 };
 
 constexpr double smallest_tolerance = 1e-5;
+constexpr std::size_t certificate_probes = 30;  // wrong once in 2^30
 
 // positions: of the loads, m. Tightens by itself until the certificate keeps to the tolerance and the matrix
 // is positive definite. Throws Error(physics) where that cannot be had.
 Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> positions, double tolerance,
                       int threads = 0, const Progress& progress = {});
 
-// The certificate: for each block, 9 Gaussian probes bound the spectral norm of its error against the
+// Peak bytes of compress() beside Y itself, known before there are numbers in Y: see factored_outline.
+std::size_t compress_bytes(const Factored<float>& outline, std::span<const Vec3> positions, double tolerance,
+                           int threads = 0);
+
+// The certificate: for each block, 30 Gaussian probes bound the spectral norm of its error against the
 // factored form, wrong once in 1e9; relative to sqrt(|C_row,row| |C_column,column|) of the block.
 std::vector<double> block_errors(const Hierarchical& h, const Factored<float>& factored, int threads = 0,
                                  const Progress& progress = {});

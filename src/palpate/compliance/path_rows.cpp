@@ -43,6 +43,14 @@ PathRows LeafPaths::merge(const Factored<float>& y, const PathRows& a, const Pat
   return place(y, std::move(branches));
 }
 
+PathRows LeafPaths::part(const Factored<float>& y, const PathRows& rows,
+                         const std::vector<std::uint8_t>& wanted) {
+  std::vector<Index> branches;
+  std::copy_if(rows.branches.begin(), rows.branches.end(), std::back_inserter(branches),
+               [&](Index b) { return wanted[at(b)] != 0; });
+  return place(y, std::move(branches));
+}
+
 PathMatrix LeafPaths::columns(const PathRows& rows, std::size_t begin, std::size_t end) const {
   PathMatrix out(rows, 3 * (end - begin));
   // By branches, so that loads that are neighbours in Y share the cache lines read.

@@ -84,6 +84,9 @@ class LeafPaths {
   // The rows that some of these places' loads touch.
   PathRows rows(std::size_t begin, std::size_t end) const;
   static PathRows merge(const Factored<float>& y, const PathRows& a, const PathRows& b);
+  // Those of `rows` whose branches are wanted.
+  static PathRows part(const Factored<float>& y, const PathRows& rows,
+                       const std::vector<std::uint8_t>& wanted);
   // Y of the places begin .. end - 1, one column a load's unknown.
   PathMatrix columns(const PathRows& rows, std::size_t begin, std::size_t end) const;
 

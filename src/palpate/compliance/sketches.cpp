@@ -33,50 +33,84 @@ Sketches::Sketches(const Factored<float>& y, const Hierarchical& h, int threads)
       threads_(threads),
       top_(h.levels),
       paths_(y, h.order),
+      far_of_(h.clusters()),
+      all_rows_(h.clusters()),
       rows_(h.clusters()),
       of_(h.clusters()),
       norm_(h.clusters()) {
-  for (const auto& b : h.blocks)
-    if (!b.near) top_ = std::min(top_, Hierarchical::level(at(b.row)));
-  each(h.levels, [&](std::size_t c) { rows_[c] = paths_.rows(h.begin(c), h.end(c)); });
-  for (int l = h.levels - 1; l >= top_; --l)
-    each(l, [&](std::size_t c) { rows_[c] = LeafPaths::merge(y, rows_[2 * c + 1], rows_[2 * c + 2]); });
+  for (const auto& b : h.blocks) {
+    if (b.near) continue;
+    top_ = std::min(top_, Hierarchical::level(at(b.row)));
+    far_of_[at(b.row)].push_back(b.column);
+    far_of_[at(b.column)].push_back(b.row);
+  }
+  find_rows(y);
 }
 
-void Sketches::make_leaf(unsigned seed, std::size_t probes, std::size_t c) {
-  const PathMatrix own = columns(c);
-  // Gaussian numbers, and the three translations, which give the norms.
-  std::vector<float> x = gaussian(seed, c, own.columns * probes);
-  x.resize(own.columns * (probes + 3));
-  for (std::size_t i = 0; i < own.columns; ++i) x[own.columns * (probes + i % 3) + i] = 1;
-  of_[c] = times(own, x.data(), probes + 3);
-}
-
-void Sketches::make(unsigned seed, std::size_t probes, bool keep_leaves, const Progress& progress) {
-  const auto leaf = [&](std::size_t c) {
-    make_leaf(seed, probes, c);
-    set_norm(c, probes);
-  };
-  if (top_ == h_.levels) each(h_.levels, leaf);
+// Clusters far from each other share only rows of fronts above both: the many rows that a large cluster has
+// for itself are in no product.
+void Sketches::find_rows(const Factored<float>& y) {
+  each(h_.levels, [&](std::size_t c) { all_rows_[c] = paths_.rows(h_.begin(c), h_.end(c)); });
   for (int l = h_.levels - 1; l >= top_; --l)
     each(l, [&](std::size_t c) {
-      const std::size_t children[] = {2 * c + 1, 2 * c + 2};
-      of_[c] = PathMatrix(rows_[c], probes + 3);
-      for (const std::size_t child : children) {
-        if (h_.leaf(child)) leaf(child);
-        add(of_[child], 1, of_[c]);
-        if (h_.leaf(child) && !keep_leaves) drop(child);
-      }
-      set_norm(c, probes);
-      stop_if_asked(progress);
+      all_rows_[c] = LeafPaths::merge(y, all_rows_[2 * c + 1], all_rows_[2 * c + 2]);
     });
+  for (int l = top_; l < h_.levels; ++l)
+    each(l, [&](std::size_t c) {
+      std::vector<std::uint8_t> wanted(y.branches.size(), 0);
+      for (const Index other : far_of_[c])
+        for (const Index b : all_rows_[at(other)].branches) wanted[at(b)] = 1;
+      if (l > top_)
+        for (const Index b : rows_[(c - 1) / 2].branches) wanted[at(b)] = 1;
+      rows_[c] = LeafPaths::part(y, all_rows_[c], wanted);
+    });
+  each(h_.levels, [&](std::size_t c) { rows_[c] = all_rows_[c]; });
+}
+
+PathMatrix Sketches::sum(unsigned seed, std::size_t probes, std::size_t c) const {
+  if (h_.leaf(c)) {
+    const PathMatrix own = columns(c);
+    return times(own, gaussian(seed, c, own.columns * probes).data(), probes);
+  }
+  PathMatrix out(rows_[c], probes);
+  for (const std::size_t child : {2 * c + 1, 2 * c + 2}) add(sum(seed, probes, child), 1, out);
+  return out;
+}
+
+// Adds the sketch to that of the cluster above, if that is wanted. Returns Y times the three translations, on
+// all of the cluster's rows: they give its norm.
+PathMatrix Sketches::rise(unsigned seed, std::size_t probes, int lowest, std::size_t c, PathMatrix* above,
+                          const Progress& progress) {
+  const bool kept = Hierarchical::level(c) <= lowest;
+  PathMatrix sketch, moved;
+  if (h_.leaf(c)) {
+    const PathMatrix own = columns(c);
+    std::vector<float> x(3 * own.columns);
+    for (std::size_t i = 0; i < own.columns; ++i) x[own.columns * (i % 3) + i] = 1;
+    moved = times(own, x.data(), 3);
+    if (kept || above) sketch = times(own, gaussian(seed, c, own.columns * probes).data(), probes);
+    stop_if_asked(progress);
+  } else {
+    if (kept || above) sketch = PathMatrix(rows_[c], probes);
+    moved = PathMatrix(all_rows_[c], 3);
+    for (const std::size_t child : {2 * c + 1, 2 * c + 2})
+      add(rise(seed, probes, lowest, child, kept || above ? &sketch : nullptr, progress), 1, moved);
+  }
+  set_norm(c, moved);
+  if (above) add(sketch, 1, *above);
+  if (kept) of_[c] = std::move(sketch);
+  return moved;
+}
+
+void Sketches::make(unsigned seed, std::size_t probes, int lowest, const Progress& progress) {
+  each(top_, [&](std::size_t c) { rise(seed, probes, lowest, c, nullptr, progress); });
 }
 
 // The largest Rayleigh quotient of the translations.
-void Sketches::set_norm(std::size_t c, std::size_t probes) {
-  const Eigen::Map<const Eigen::MatrixXf> moved(of_[c].at(0, probes),
-                                                static_cast<Eigen::Index>(rows_[c].size), 3);
-  const Eigen::Matrix3d gram = moved.cast<double>().transpose() * moved.cast<double>();
+void Sketches::set_norm(std::size_t c, const PathMatrix& moved) {
+  const Eigen::Map<const Eigen::MatrixXf> m(moved.values.data(), static_cast<Eigen::Index>(moved.rows->size),
+                                            3);
+  const Eigen::Matrix3d gram = m.cast<double>().transpose() * m.cast<double>();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(gram, Eigen::EigenvaluesOnly);
   norm_[c] = eigen.eigenvalues()[2] / static_cast<double>(h_.end(c) - h_.begin(c));
 }

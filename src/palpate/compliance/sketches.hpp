@@ -19,19 +19,23 @@ PathMatrix times(const PathMatrix& a, const float* x, std::size_t columns);
 class Sketches {
  public:
   Sketches(const Factored<float>& y, const Hierarchical& h, int threads);
-  // Y times Gaussian probes for each cluster, from the leaves up to top(), the level of the largest far
-  // blocks. keep_leaves: false to make the leaves' again when they are needed, by make_leaf: they are half of
-  // all.
-  void make(unsigned seed, std::size_t probes, bool keep_leaves, const Progress& progress);
-  void make_leaf(unsigned seed, std::size_t probes, std::size_t c);
+  // Norms of all clusters, and Y times Gaussian probes for those from top(), the level of the largest far
+  // blocks, down to level `lowest`.
+  void make(unsigned seed, std::size_t probes, int lowest, const Progress& progress);
+  // Y times the probes of one cluster, from its leaves; to be dropped when it is not needed any more.
+  void make_one(unsigned seed, std::size_t probes, std::size_t c) { of_[c] = sum(seed, probes, c); }
   void drop(std::size_t c) { of_[c] = {}; }
 
   const PathMatrix& of(std::size_t c) const { return of_[c]; }
+  // Of Y: all of a leaf; above, only those shared with some cluster far from it or from one above it.
   const PathRows& rows(std::size_t c) const { return rows_[c]; }
   double norm(std::size_t c) const { return norm_[c]; }  // of the cluster's own block of C, from below
   int top() const { return top_; }
-  // Y of a cluster's loads.
-  PathMatrix columns(std::size_t c) const { return paths_.columns(rows_[c], h_.begin(c), h_.end(c)); }
+  const std::vector<Index>& far_of(std::size_t c) const { return far_of_[c]; }
+  // Y of a leaf's loads.
+  PathMatrix columns(std::size_t leaf) const {
+    return paths_.columns(rows_[leaf], h_.begin(leaf), h_.end(leaf));
+  }
   // The clusters of a level, in parallel.
   template <class Body>
   void each(int level, const Body& body) const {
@@ -40,12 +44,17 @@ class Sketches {
   }
 
  private:
-  void set_norm(std::size_t c, std::size_t probes);
+  void find_rows(const Factored<float>& y);
+  PathMatrix sum(unsigned seed, std::size_t probes, std::size_t c) const;
+  PathMatrix rise(unsigned seed, std::size_t probes, int lowest, std::size_t c, PathMatrix* above,
+                  const Progress& progress);
+  void set_norm(std::size_t c, const PathMatrix& moved);
 
   const Hierarchical& h_;
   int threads_, top_;
   LeafPaths paths_;
-  std::vector<PathRows> rows_;
+  std::vector<std::vector<Index>> far_of_;
+  std::vector<PathRows> all_rows_, rows_;
   std::vector<PathMatrix> of_;
   std::vector<double> norm_;
 };

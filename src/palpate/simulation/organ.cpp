@@ -51,20 +51,22 @@ void set_surface(Organ& organ, const std::vector<std::uint8_t>& anchored) {
                 "every surface node is anchored; nothing can move: anchor a smaller part");
 }
 
-// Peak bytes of baking to each storage, from the structure alone.
-std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads) {
+// Peak bytes of the process while it bakes to each storage, from the structure alone.
+std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads,
+                                        std::span<const Vec3> positions, double tolerance, int threads) {
   const auto n = static_cast<std::size_t>(loads.cols());
-  const std::size_t y = sizeof(float) * factored_entries(symbolic, loads);
+  Factored<float> outline = factored_outline(symbolic, loads);
+  const std::size_t now = resident_bytes(), y = now + sizeof(float) * outline.arrange();
   const std::size_t factor = y + 3 * sizeof(double) * symbolic.panel_entries / 2;  // and what is in flight
   const std::size_t dense = y + sizeof(float) * n * n;
-  // Sketches and bases of the clusters: some 18 bytes for each number of Y, as measured.
   return {std::max(factor, dense), std::max(factor, dense + 2 * n * n), factor,
-          std::max(factor, y + 18 * (y / 4))};
+          std::max(factor, y + compress_bytes(outline, positions, tolerance, threads))};
 }
 
 Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOptions& options,
                        std::size_t rows) {
-  const std::size_t have = options.memory ? std::min(options.memory, available_bytes()) : available_bytes();
+  const std::size_t free = available_bytes() + resident_bytes();
+  const std::size_t have = options.memory ? std::min(options.memory, free) : free;
   const auto fits = [&](Storage s) { return need[static_cast<std::size_t>(s)] <= have; };
   // Dense up to 5,000 nodes: quickest to bake, and 0.9 GB in memory.
   const Storage wanted = options.storage                        ? *options.storage
@@ -168,7 +170,8 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
 
   timer = wall_timer();
   Symbolic symbolic = analyse(node_graph(k.matrix), nested_dissection(k.matrix));
-  const Storage storage = choose_storage(bytes_needed(symbolic, loads), options, nodes.size());
+  const Storage storage = choose_storage(bytes_needed(symbolic, loads, positions, options.tolerance, threads),
+                                         options, nodes.size());
   r.order_seconds = timer.seconds();
   progress.at(0.05);
 

@@ -267,6 +267,23 @@ TEST(Hierarchical, TheCertificateSeesOneBlockOffByFivePercent) {
   EXPECT_GT(far, 2u);
 }
 
+TEST(Hierarchical, TheMemoryItTakesIsKnownBefore) {
+  const Body body = make_body(10, 0.45);
+  Factored<float> outline;
+  outline.branches = body.factored.branches, outline.load_at = body.factored.load_at;
+  std::size_t before = 0;
+  for (const double tolerance : {3e-2, 1e-3, 1e-5}) {
+    const std::size_t bytes = compress_bytes(outline, body.positions, tolerance, 1);
+    const Hierarchical h = compress(body.factored, body.positions, tolerance, 1);
+    EXPECT_GT(bytes, before);
+    EXPECT_GT(bytes, sizeof(float) * h.values.size());
+    EXPECT_LT(bytes, 30'000'000 + 20 * sizeof(float) * h.values.size());
+    before = bytes;
+  }
+  EXPECT_GT(compress_bytes(outline, body.positions, 1e-3, 2),
+            compress_bytes(outline, body.positions, 1e-3, 1));
+}
+
 TEST(Hierarchical, SmallerToleranceMoreNumbersAndSameBitsForAnyThreads) {
   const Body body = make_body(10, 0.45);
   std::size_t size = 0;
