@@ -27,6 +27,12 @@ std::span<const float> Compliance::matrix() const noexcept {
   return dense ? dense->matrix() : std::span<const float>();
 }
 
+Compliance Compliance::with_work() const {
+  Compliance out = *this;
+  if (storage_) out.work_ = storage_->make_work();
+  return out;
+}
+
 void Compliance::row(std::size_t row, std::span<float> out) const noexcept {
   const auto node = static_cast<Index>(row / 3);
   float unit[3] = {};

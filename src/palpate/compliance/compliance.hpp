@@ -14,18 +14,24 @@ namespace palpate {
 enum class Storage { dense, half, factored, hierarchical };
 const char* storage_name(Storage storage);  // "dense float32", "dense float16", "factored", "hierarchical"
 
-// What a storage has to do. Const and thread-safe. Factored and hierarchical need work space: a thread's
-// first call allocates it, its later ones do not.
+// What a storage needs to answer queries beside its numbers; of one thread at a time.
+struct ComplianceWork {
+  virtual ~ComplianceWork() = default;
+};
+
+// What a storage has to do. Const and thread-safe. work: from make_work, or null: then the thread's own is
+// taken, which its first query allocates.
 class ComplianceStorage {
  public:
   virtual ~ComplianceStorage() = default;
   virtual Storage kind() const noexcept = 0;
   virtual std::size_t nodes() const noexcept = 0;
   virtual std::size_t bytes() const noexcept = 0;
-  virtual void apply(std::span<const Index> contacts, std::span<const float> forces,
-                     std::span<float> u) const noexcept = 0;
+  virtual std::unique_ptr<ComplianceWork> make_work() const { return nullptr; }
+  virtual void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
+                     ComplianceWork* work) const noexcept = 0;
   virtual void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-                     std::size_t ld) const noexcept = 0;
+                     std::size_t ld, ComplianceWork* work) const noexcept = 0;
 };
 
 // Symmetric positive definite. Const and thread-safe; copies share the numbers.
@@ -44,6 +50,10 @@ class Compliance {
   const T* as() const noexcept {
     return dynamic_cast<const T*>(storage_.get());
   }
+  // The same numbers, with work space of its own: not even the first query allocates. For one thread at a
+  // time, copies included.
+  Compliance with_work() const;
+  bool same_numbers(const Compliance& other) const noexcept { return storage_ == other.storage_; }
   // All numbers of the dense float32 storage; empty in the others.
   std::span<const float> matrix() const noexcept;
 
@@ -51,23 +61,24 @@ class Compliance {
   // floats, N. contacts: distinct, any order.
   void apply(std::span<const Index> contacts, std::span<const float> forces,
              std::span<float> u) const noexcept {
-    storage_->apply(contacts, forces, u);
+    storage_->apply(contacts, forces, u, work_.get());
   }
   // The 3 contacts x 3 contacts block, row-major with leading dimension `ld` (>= 3 contacts.size()).
   void block(std::span<const Index> contacts, std::span<float> out, std::size_t ld) const noexcept {
-    storage_->block(contacts, contacts, out, ld);
+    storage_->block(contacts, contacts, out, ld, work_.get());
   }
   // A rectangular block: rows of `rows`, columns of `columns`, row-major, leading dimension ld. For adding
   // contacts a few at a time.
   void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
              std::size_t ld) const noexcept {
-    storage_->block(rows, columns, out, ld);
+    storage_->block(rows, columns, out, ld, work_.get());
   }
   // Row `row` (3 node + component) of the matrix: 3 nodes() floats.
   void row(std::size_t row, std::span<float> out) const noexcept;
 
  private:
   std::shared_ptr<const ComplianceStorage> storage_;
+  std::shared_ptr<ComplianceWork> work_;
 };
 
 }  // namespace palpate

@@ -53,7 +53,7 @@ DenseCompliance::DenseCompliance(HugeArray<float> matrix, std::size_t nodes)
 }
 
 void DenseCompliance::apply(std::span<const Index> contacts, std::span<const float> forces,
-                            std::span<float> u) const noexcept {
+                            std::span<float> u, ComplianceWork*) const noexcept {
   const std::size_t n = 3 * nodes_;
   std::fill_n(u.data(), n, 0.0f);
   add_columns(
@@ -61,7 +61,7 @@ void DenseCompliance::apply(std::span<const Index> contacts, std::span<const flo
 }
 
 void DenseCompliance::block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-                            std::size_t ld) const noexcept {
+                            std::size_t ld, ComplianceWork*) const noexcept {
   const float* c = matrix_.data();
   const std::size_t n = 3 * nodes_;
   copy_block(rows, columns, out, ld, [=](std::size_t i, std::size_t j) { return c[i * n + j]; });
@@ -90,8 +90,8 @@ HalfCompliance::HalfCompliance(std::span<const float> matrix) {
   });
 }
 
-void HalfCompliance::apply(std::span<const Index> contacts, std::span<const float> forces,
-                           std::span<float> u) const noexcept {
+void HalfCompliance::apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
+                           ComplianceWork*) const noexcept {
   const std::size_t n = scale_.size();
   std::fill_n(u.data(), n, 0.0f);
   add_columns(
@@ -104,7 +104,7 @@ void HalfCompliance::apply(std::span<const Index> contacts, std::span<const floa
 }
 
 void HalfCompliance::block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-                           std::size_t ld) const noexcept {
+                           std::size_t ld, ComplianceWork*) const noexcept {
   copy_block(rows, columns, out, ld, [&](std::size_t i, std::size_t j) {
     return from_half(values_[i * scale_.size() + j]) * (scale_[i] * scale_[j]);
   });

@@ -10,10 +10,21 @@ namespace {
 
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-std::vector<float>& work_space(std::size_t size) {
-  static thread_local std::vector<float> memory;
-  if (memory.size() < size) memory.resize(size);
-  return memory;
+struct WorkSpace final : ComplianceWork {
+  explicit WorkSpace(std::size_t size = 0) : memory(size) {}
+  std::vector<float> memory;
+};
+
+WorkSpace& threads_own() {
+  static thread_local WorkSpace own;
+  return own;
+}
+
+std::vector<float>& work_space(ComplianceWork* given, std::size_t size) {
+  auto* work = dynamic_cast<WorkSpace*>(given);
+  if (!work) work = &threads_own();
+  if (work->memory.size() < size) work->memory.resize(size);
+  return work->memory;
 }
 
 }  // namespace
@@ -29,10 +40,14 @@ FactoredCompliance::FactoredCompliance(Factored<float> factored) : y_(std::move(
   }
 }
 
+std::unique_ptr<ComplianceWork> FactoredCompliance::make_work() const {
+  return std::make_unique<WorkSpace>(rows_ + 3 * nodes());
+}
+
 // t = Y f on the contacts' paths, then u = Y^T t branch by branch.
 void FactoredCompliance::apply(std::span<const Index> contacts, std::span<const float> forces,
-                               std::span<float> u) const noexcept {
-  std::vector<float>& work = work_space(rows_ + 3 * nodes());
+                               std::span<float> u, ComplianceWork* given) const noexcept {
+  std::vector<float>& work = work_space(given, rows_ + 3 * nodes());
   float *t = work.data(), *ranked = t + rows_;
   std::fill_n(t, rows_ + 3 * nodes(), 0.0f);
   for (std::size_t c = 0; c < contacts.size(); ++c) {
@@ -66,7 +81,7 @@ void FactoredCompliance::apply(std::span<const Index> contacts, std::span<const 
 }
 
 void FactoredCompliance::block(std::span<const Index> rows, std::span<const Index> columns,
-                               std::span<float> out, std::size_t ld) const noexcept {
+                               std::span<float> out, std::size_t ld, ComplianceWork*) const noexcept {
   for (std::size_t i = 0; i < rows.size(); ++i)
     for (std::size_t j = 0; j < columns.size(); ++j) {
       const std::size_t ri = at(rank_of_[at(rows[i])]), rj = at(rank_of_[at(columns[j])]);

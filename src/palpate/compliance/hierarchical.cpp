@@ -338,8 +338,8 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
                 tolerance, smallest_tolerance);
   if (positions.size() != factored.load_at.size())
     throw Error(ErrorKind::internal, "{} positions for {} loads", positions.size(), factored.load_at.size());
-  // What the certificate finds in the worst block is some six times what is cut off.
-  double cut = tolerance / 6;
+  // What the certificate finds in the worst block is some six times what is cut off, seven in large ones.
+  double cut = tolerance / 8;
   std::size_t probes = first_probes(tolerance);
   for (int attempt = 0; attempt < 8; ++attempt) {
     const auto report = [&](double f) { progress.at(1 - std::pow(0.3, attempt + f)); };
@@ -365,7 +365,7 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
       if (lowest > 0) return h;
       cut /= 4;
     } else {
-      cut *= std::min(0.5, 0.7 * tolerance / h.error);
+      cut *= std::min(0.7, 0.8 * tolerance / h.error);
     }
   }
   throw Error(ErrorKind::physics,

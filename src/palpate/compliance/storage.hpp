@@ -17,10 +17,10 @@ class DenseCompliance final : public ComplianceStorage {
   std::size_t nodes() const noexcept override { return nodes_; }
   std::size_t bytes() const noexcept override { return matrix_.size() * sizeof(float); }
   std::span<const float> matrix() const noexcept { return matrix_; }
-  void apply(std::span<const Index> contacts, std::span<const float> forces,
-             std::span<float> u) const noexcept override;
+  void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
+             ComplianceWork* work = nullptr) const noexcept override;
   void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-             std::size_t ld) const noexcept override;
+             std::size_t ld, ComplianceWork* work = nullptr) const noexcept override;
 
  private:
   HugeArray<float> matrix_;
@@ -39,10 +39,10 @@ class HalfCompliance final : public ComplianceStorage {
   std::size_t bytes() const noexcept override { return values_.size() * 2 + scale_.size() * sizeof(float); }
   std::span<const std::uint16_t> values() const noexcept { return values_; }
   std::span<const float> scale() const noexcept { return scale_; }
-  void apply(std::span<const Index> contacts, std::span<const float> forces,
-             std::span<float> u) const noexcept override;
+  void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
+             ComplianceWork* work = nullptr) const noexcept override;
   void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-             std::size_t ld) const noexcept override;
+             std::size_t ld, ComplianceWork* work = nullptr) const noexcept override;
 
  private:
   HugeArray<std::uint16_t> values_;
@@ -58,10 +58,11 @@ class FactoredCompliance final : public ComplianceStorage {
   std::size_t nodes() const noexcept override { return y_.load_at.size(); }
   std::size_t bytes() const noexcept override { return y_.y.size() * sizeof(float); }
   const Factored<float>& factored() const noexcept { return y_; }
-  void apply(std::span<const Index> contacts, std::span<const float> forces,
-             std::span<float> u) const noexcept override;
+  std::unique_ptr<ComplianceWork> make_work() const override;
+  void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
+             ComplianceWork* work = nullptr) const noexcept override;
   void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-             std::size_t ld) const noexcept override;
+             std::size_t ld, ComplianceWork* work = nullptr) const noexcept override;
 
  private:
   Factored<float> y_;
@@ -80,10 +81,11 @@ class HierarchicalCompliance final : public ComplianceStorage {
   std::size_t bytes() const noexcept override { return h_.values.size() * sizeof(float); }
   const Hierarchical& matrix() const noexcept { return h_; }
   Hierarchical release() && { return std::move(h_); }
-  void apply(std::span<const Index> contacts, std::span<const float> forces,
-             std::span<float> u) const noexcept override;
+  std::unique_ptr<ComplianceWork> make_work() const override;
+  void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
+             ComplianceWork* work = nullptr) const noexcept override;
   void block(std::span<const Index> rows, std::span<const Index> columns, std::span<float> out,
-             std::size_t ld) const noexcept override;
+             std::size_t ld, ComplianceWork* work = nullptr) const noexcept override;
 
  private:
   // A block as one of its two clusters sees it.
@@ -97,7 +99,13 @@ class HierarchicalCompliance final : public ComplianceStorage {
   }
   const Link* find(std::size_t c, std::size_t other) const noexcept;
   struct WorkSpace;
-  static WorkSpace& work_space() noexcept;
+  static WorkSpace& threads_own();
+  WorkSpace& work_space(ComplianceWork* given) const;
+  void prepare(WorkSpace& w) const;
+  std::size_t cluster_above(std::size_t leaf, int level) const noexcept {
+    return ((leaf + 1) >> (h_.levels - level)) - 1;
+  }
+  void find_links(std::size_t place, WorkSpace& w) const noexcept;
   void expand(std::size_t place, std::size_t c, float* x) const noexcept;
   void spread(std::size_t place, WorkSpace& w) const noexcept;
 

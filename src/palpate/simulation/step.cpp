@@ -12,10 +12,17 @@ namespace palpate {
 
 struct StepScratch {
   StepScratch(const Model& model, std::size_t most)
-      : solver(most, model.organ.compliance.nodes()),
+      : compliance(model.organ.compliance.with_work()),
+        solver(most, compliance.nodes()),
         capacity(most),
         positions(model.organ.surface.vertices) {}
 
+  // The model's own, in case another organ has been put into it since.
+  const Compliance& compliance_of(const Model& model) const {
+    return compliance.same_numbers(model.organ.compliance) ? compliance : model.organ.compliance;
+  }
+
+  Compliance compliance;  // the model's, with work space
   ContactSolver solver;
   std::size_t capacity;
   Clusters free, anchored;      // nodes that can move, and those that cannot
@@ -170,7 +177,7 @@ void deform(const Model& model, State& state) {
     w.rows.push_back(c.row);
     for (int a = 0; a < 3; ++a) w.forces.push_back(static_cast<float>(c.force[a]));
   }
-  organ.compliance.apply(w.rows, w.forces, w.u);
+  w.compliance_of(model).apply(w.rows, w.forces, w.u);
   for (const ContactPoint& c : w.points)  // these are known in float64
     for (int a = 0; a < 3; ++a)
       w.u[3 * static_cast<std::size_t>(c.row) + static_cast<std::size_t>(a)] = static_cast<float>(c.u[a]);
@@ -204,13 +211,14 @@ bool add_swallowed(const Model& model, State& state) {
 void solve_and_deform(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   const SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
+  const Compliance& compliance = w.compliance_of(model);
   SolveResult result;
   for (int round = 0; round < 10; ++round) {
     const Timer solving = wall_timer();
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
-                   ? w.solver.prescribed(model.organ.compliance, w.shapes, w.points, limits)
-                   : w.solver.unilateral(model.organ.compliance, w.shapes, w.points, limits);
+                   ? w.solver.prescribed(compliance, w.shapes, w.points, limits)
+                   : w.solver.unilateral(compliance, w.shapes, w.points, limits);
     else
       result.converged = true;
     state.relinearisations += result.relinearisations;
@@ -250,7 +258,7 @@ void gaussian(const Model& model, State& state) {
     for (auto f = w.forces.begin() + 3 * first; f != w.forces.end(); ++f)
       *f *= static_cast<float>(sum > 0 ? model.settings.gaussian_force / sum : 0.0);
   }
-  model.organ.compliance.apply(w.rows, w.forces, w.u);
+  w.compliance_of(model).apply(w.rows, w.forces, w.u);
   state.contacts.clear();
   for (std::size_t i = 0; i < w.rows.size(); ++i) {
     Contact c;
