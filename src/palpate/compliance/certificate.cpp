@@ -32,12 +32,13 @@ class Certificate {
       : h_(h), sketches_(y, h, threads), progress_(progress) {}
 
   std::vector<double> run() {
-    sketches_.make(seed, probes, h_.levels, progress_);
+    SharedProgress done(progress_, 3.0 * static_cast<double>(std::size_t{1} << h_.levels));
+    sketches_.make(seed, probes, h_.levels, done);
     carry_up();
     std::vector<std::vector<Part>> parts(h_.clusters());
     sketches_.each(h_.levels, [&](std::size_t leaf) {
       parts[leaf] = check(leaf);
-      stop_if_asked(progress_);
+      done.add(2);
     });
     std::vector<Squares> sum(h_.blocks.size(), Squares{});
     for (const auto& list : parts)

@@ -102,6 +102,7 @@ struct Builder {
     std::vector<float> values;
   };
   std::vector<Made> made = std::vector<Made>(h.blocks.size());
+  SharedProgress done{progress, 4.0 * static_cast<double>(std::size_t{1} << h.levels)};
 
   void count_uses() {
     for (std::size_t i = 0; i < h.blocks.size(); ++i) {
@@ -153,7 +154,6 @@ struct Builder {
 
   // Finds the bases of a subtree, and makes the blocks whose other cluster has its basis already.
   bool descend(std::size_t c, const PathMatrix* above) {
-    stop_if_asked(progress);
     const PathMatrix field = field_of(c, above);
     Cluster& cluster = clusters[c];
     if (h.leaf(c)) {
@@ -163,6 +163,7 @@ struct Builder {
       multiply_paths(cluster.own, field, probes, a.data(), m);
       if (!set_basis(c, leading(a, m), m)) return false;
       cluster.seen = times(cluster.own, cluster.basis.data(), h.width(c));
+      done.add(3);
     } else {
       const std::size_t left = 2 * c + 1, right = left + 1;
       if (!descend(left, &field) || !descend(right, &field)) return false;
@@ -251,7 +252,7 @@ struct Builder {
 
   bool find_bases() {
     count_uses();
-    sketches.make(seed, probes, lowest, progress);
+    sketches.make(seed, probes, lowest, done);
     std::vector<std::uint8_t> good(h.clusters(), 1);
     sketches.each(sketches.top(), [&](std::size_t c) { good[c] = descend(c, nullptr); });
     return std::all_of(good.begin(), good.end(), [](std::uint8_t g) { return g != 0; });
@@ -342,20 +343,26 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
   double cut = tolerance / 8;
   std::size_t probes = first_probes(tolerance);
   for (int attempt = 0; attempt < 8; ++attempt) {
-    const auto report = [&](double f) { progress.at(1 - std::pow(0.3, attempt + f)); };
-    report(0);
+    const auto part = [&](double from, double to) {  // of this attempt; what is left is for others
+      Progress out{nullptr, progress.interrupted};
+      if (progress.report)
+        out.report = [=, &progress](double f) {
+          progress.report(1 - std::pow(0.1, attempt + from + f * (to - from)));
+        };
+      return out;
+    };
     Hierarchical h = outline(positions.size(), positions);
     {
-      Builder builder{factored, h, threads, progress, probes, cut};
+      const Progress building = part(0, 0.7);
+      Builder builder{factored, h, threads, building, probes, cut};
       if (!builder.find_bases()) {
         probes *= 2;
         continue;
       }
       builder.fill();
     }
-    report(0.6);
     h.tolerance = tolerance;
-    const std::vector<double> errors = block_errors(h, factored, threads, progress);
+    const std::vector<double> errors = block_errors(h, factored, threads, part(0.7, 0.95));
     h.error = *std::max_element(errors.begin(), errors.end());
     if (h.error <= tolerance) {
       HierarchicalCompliance whole(std::move(h));

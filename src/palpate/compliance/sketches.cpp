@@ -80,7 +80,7 @@ PathMatrix Sketches::sum(unsigned seed, std::size_t probes, std::size_t c) const
 // Adds the sketch to that of the cluster above, if that is wanted. Returns Y times the three translations, on
 // all of the cluster's rows: they give its norm.
 PathMatrix Sketches::rise(unsigned seed, std::size_t probes, int lowest, std::size_t c, PathMatrix* above,
-                          const Progress& progress) {
+                          SharedProgress& done) {
   const bool kept = Hierarchical::level(c) <= lowest;
   PathMatrix sketch, moved;
   if (h_.leaf(c)) {
@@ -89,12 +89,12 @@ PathMatrix Sketches::rise(unsigned seed, std::size_t probes, int lowest, std::si
     for (std::size_t i = 0; i < own.columns; ++i) x[own.columns * (i % 3) + i] = 1;
     moved = times(own, x.data(), 3);
     if (kept || above) sketch = times(own, gaussian(seed, c, own.columns * probes).data(), probes);
-    stop_if_asked(progress);
+    done.add(1);
   } else {
     if (kept || above) sketch = PathMatrix(rows_[c], probes);
     moved = PathMatrix(all_rows_[c], 3);
     for (const std::size_t child : {2 * c + 1, 2 * c + 2})
-      add(rise(seed, probes, lowest, child, kept || above ? &sketch : nullptr, progress), 1, moved);
+      add(rise(seed, probes, lowest, child, kept || above ? &sketch : nullptr, done), 1, moved);
   }
   set_norm(c, moved);
   if (above) add(sketch, 1, *above);
@@ -102,8 +102,8 @@ PathMatrix Sketches::rise(unsigned seed, std::size_t probes, int lowest, std::si
   return moved;
 }
 
-void Sketches::make(unsigned seed, std::size_t probes, int lowest, const Progress& progress) {
-  each(top_, [&](std::size_t c) { rise(seed, probes, lowest, c, nullptr, progress); });
+void Sketches::make(unsigned seed, std::size_t probes, int lowest, SharedProgress& done) {
+  each(top_, [&](std::size_t c) { rise(seed, probes, lowest, c, nullptr, done); });
 }
 
 // The largest Rayleigh quotient of the translations.

@@ -3,12 +3,11 @@
 #pragma once
 
 #include "palpate/base/parallel_for.hpp"
+#include "palpate/compliance/cholesky_impl.hpp"
 #include "palpate/compliance/hierarchical.hpp"
 #include "palpate/compliance/path_rows.hpp"
 
 namespace palpate {
-
-inline void stop_if_asked(const Progress& progress) { Progress{nullptr, progress.interrupted}.at(0); }
 
 // The same numbers for the same seed and cluster: the columns of a leaf's probes.
 std::vector<float> gaussian(unsigned seed, std::size_t leaf, std::size_t count);
@@ -20,8 +19,8 @@ class Sketches {
  public:
   Sketches(const Factored<float>& y, const Hierarchical& h, int threads);
   // Norms of all clusters, and Y times Gaussian probes for those from top(), the level of the largest far
-  // blocks, down to level `lowest`.
-  void make(unsigned seed, std::size_t probes, int lowest, const Progress& progress);
+  // blocks, down to level `lowest`. Adds 1 to `done` for each leaf.
+  void make(unsigned seed, std::size_t probes, int lowest, SharedProgress& done);
   // Y times the probes of one cluster, from its leaves; to be dropped when it is not needed any more.
   void make_one(unsigned seed, std::size_t probes, std::size_t c) { of_[c] = sum(seed, probes, c); }
   void drop(std::size_t c) { of_[c] = {}; }
@@ -47,7 +46,7 @@ class Sketches {
   void find_rows(const Factored<float>& y);
   PathMatrix sum(unsigned seed, std::size_t probes, std::size_t c) const;
   PathMatrix rise(unsigned seed, std::size_t probes, int lowest, std::size_t c, PathMatrix* above,
-                  const Progress& progress);
+                  SharedProgress& done);
   void set_norm(std::size_t c, const PathMatrix& moved);
 
   const Hierarchical& h_;

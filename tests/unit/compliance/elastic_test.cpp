@@ -2,9 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <numeric>
 
 #include "palpate/compliance/multifrontal.hpp"
 #include "palpate/compliance/ordering.hpp"
+#include "palpate/compliance/symbolic.hpp"
 #include "palpate/elasticity/stiffness.hpp"
 #include "palpate/geometry/shapes.hpp"
 #include "unit/compliance/systems.hpp"
@@ -88,6 +90,30 @@ TEST(ElasticCompliance, ContrastOfAMillion) {
     const Eigen::MatrixXd exact = thesis_inverse(body);
     EXPECT_LT(scaled_error(compliance<double>(body), exact), 1e-7);
     EXPECT_LT(scaled_error(compliance<float>(body), exact), 1e-6);
+  }
+}
+
+TEST(ElasticCompliance, EveryOrderAndAmalgamationGivesTheSame) {
+  constexpr Index all = 1000;
+  for (const auto& [contrast, tolerance] : {std::pair(1.0, 1e-12), std::pair(1e6, 1e-7)}) {
+    const Body body = make_body({4, 4, 4}, {1e4, 0.3, 1000}, {contrast * 1e4, 0.3, 1000});
+    const FreeStiffness free = remove_anchored(body.stiffness, body.anchored);
+    std::vector<Index> nodes, up(static_cast<std::size_t>(free.matrix.cols()) / 3);
+    for (const Index node : body.surface) nodes.push_back(free.free_of[static_cast<std::size_t>(node)]);
+    std::iota(up.begin(), up.end(), 0);
+    const auto s = static_cast<Eigen::Index>(3 * nodes.size());
+    const auto sweep = [&](const std::vector<Index>& order, std::span<const Relaxation> relaxation) {
+      Eigen::MatrixXd c(s, s);
+      compliance_sweep<double>(Cholesky(free.matrix, analyse(node_graph(free.matrix), order, relaxation)),
+                               nodes, std::span<double>(c.data(), static_cast<std::size_t>(c.size())), 1);
+      return c;
+    };
+    const std::vector<Index> down(up.rbegin(), up.rend()), dissection = nested_dissection(free.matrix);
+    const Eigen::MatrixXd expected = sweep(dissection, default_relaxation());
+    const std::vector<Relaxation> none, some = {{8, 0.5}, {16, 0.2}}, one_front = {{all, 1}};
+    for (const auto& order : {up, down, dissection})
+      for (const auto& relaxation : {none, some, one_front})
+        EXPECT_LT(scaled_error(sweep(order, relaxation), expected), tolerance) << contrast;
   }
 }
 

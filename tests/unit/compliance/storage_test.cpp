@@ -284,6 +284,22 @@ TEST(Hierarchical, TheMemoryItTakesIsKnownBefore) {
             compress_bytes(outline, body.positions, 1e-3, 1));
 }
 
+TEST(Hierarchical, StopsWhereverItIsInterrupted) {
+  const Body body = make_body(8, 0.45);
+  for (const double when : {0.0, 0.1, 0.3, 0.5}) {
+    std::atomic<bool> stop{false};
+    Progress progress;
+    progress.interrupted = &stop;
+    progress.report = [&](double f) { stop = stop || f >= when; };
+    try {
+      compress(body.factored, body.positions, 1e-3, 2, progress);
+      ADD_FAILURE() << when;
+    } catch (const Error& e) {
+      EXPECT_EQ(e.kind(), ErrorKind::interrupted);
+    }
+  }
+}
+
 TEST(Hierarchical, SmallerToleranceMoreNumbersAndSameBitsForAnyThreads) {
   const Body body = make_body(10, 0.45);
   std::size_t size = 0;
