@@ -315,7 +315,7 @@ std::size_t compress_bytes(const Factored<float>& outline_of_y, std::span<const 
   const int workers = std::clamp(threads == 0 ? default_threads() : threads, 1, 8);
   const auto build = static_cast<std::size_t>((0.9 + 0.15 * workers) * static_cast<double>(need.most()));
   const std::size_t work = std::size_t{20'000'000} * static_cast<std::size_t>(workers);
-  return work + sizeof(float) * (values + std::max(build, certificate));
+  return work + sizeof(float) * (values + std::max(build, certificate)) * 11 / 10;
 }
 
 std::size_t Hierarchical::arrange() {

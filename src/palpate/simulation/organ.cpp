@@ -51,7 +51,7 @@ void set_surface(Organ& organ, const std::vector<std::uint8_t>& anchored) {
                 "every surface node is anchored; nothing can move: anchor a smaller part");
 }
 
-// Peak bytes of the process while it bakes to each storage, from the structure alone.
+// Peak bytes of the process while it bakes to each storage and writes it, from the structure alone.
 std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::SparseMatrix<double>& loads,
                                         std::span<const Vec3> positions, double tolerance, int threads) {
   const auto n = static_cast<std::size_t>(loads.cols());
@@ -59,7 +59,8 @@ std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::S
   const std::size_t now = resident_bytes(), y = now + sizeof(float) * outline.arrange();
   const std::size_t factor = y + 3 * sizeof(double) * symbolic.panel_entries / 2;  // and what is in flight
   const std::size_t dense = y + sizeof(float) * n * n;
-  return {std::max(factor, dense), std::max(factor, dense + 2 * n * n), factor,
+  const std::size_t packed = now + 3 * sizeof(float) * n * n / 2;  // its triangle is packed to be written
+  return {std::max({factor, dense, packed}), std::max(factor, dense + 2 * n * n), factor,
           std::max(factor, y + compress_bytes(outline, positions, tolerance, threads))};
 }
 
