@@ -11,6 +11,7 @@
 #include "palpate/base/error.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/geometry/shapes.hpp"
+#include "palpate/lattice/band_lattice.hpp"
 #include "palpate/lattice/lattice.hpp"
 #include "peers.hpp"
 
@@ -75,6 +76,40 @@ std::vector<Value> fill(int n, const Runs& runs) {
   std::string note = fmt::format("search structure {:.0f} ms", 1e3 * ours_seconds);
   if (embree) note += fmt::format(", peer's {:.0f} ms", 1e3 * peer_seconds);
   return {{m.ours * ns, embree ? "Embree 3" : "", m.peer * ns, note}};
+}
+
+// A band of three cells to both sides, per point of the whole grid. OpenVDB has no closest points and no far
+// field, and its distances are float32.
+std::vector<Value> fill_band(int n, const Runs& runs) {
+  const TriangleMesh torus = make_torus(major_radius, minor_radius, 400, 250);
+  const SignedDistanceField field(torus);
+  const Grid grid = cube_grid(n);
+  const auto openvdb = peers::make_openvdb_band(torus, grid.h, 3);
+  BandSamples samples;
+  std::size_t stored = 0;
+  const Medians m = in_turn([&] { samples = sample_band(field, grid, 3 * grid.h, 1); },
+                            openvdb ? [&] { stored = openvdb->fill(); } : std::function<void()>(), runs);
+  const double ns = 1e9 / static_cast<double>(grid.size());
+  std::string note = fmt::format("{} points sampled", samples.distance.size());
+  if (openvdb) note += fmt::format(", {} by the peer, distances only", stored);
+  return {{m.ours * ns, openvdb ? "OpenVDB meshToVolume" : "", m.peer * ns, note}};
+}
+
+// Wall-clock time of one thread over that of two.
+std::vector<Value> two_threads(int n) {
+  const TriangleMesh torus = make_torus(major_radius, minor_radius, 400, 250);
+  const SignedDistanceField field(torus);
+  const Grid grid = cube_grid(n);
+  std::vector<double> one, two;
+  for (int i = 0; i < 5; ++i)
+    for (const int threads : {1, 2}) {
+      const Timer timer = wall_timer();
+      sample_lattice(field, grid, threads);
+      (threads == 1 ? one : two).push_back(timer.seconds());
+    }
+  std::sort(one.begin(), one.end()), std::sort(two.begin(), two.end());
+  const double ns = 1e9 / static_cast<double>(grid.size());
+  return {{two[2] * ns, "one thread, ours", one[2] * ns, "wall-clock time"}};
 }
 
 // Interleaved bits of the cell: neighbours in space are neighbours in the list.
@@ -146,6 +181,8 @@ std::vector<Value> hermite(int n) {
 void register_lattice(Bench& bench) {
   bench.add({{"lattice.fill.torus200k.28", "ns/point"}}, [] { return fill(28, {3, 9, 4}); });
   bench.add({{"lattice.fill.torus200k.128", "ns/point"}}, [] { return fill(128, {2, 3, 60}); });
+  bench.add({{"lattice.fill.torus200k.128.band", "ns/point"}}, [] { return fill_band(128, {3, 9, 6}); });
+  bench.add({{"lattice.fill.torus200k.128.threads2", "ns/point"}}, [] { return two_threads(128); });
   bench.add({{"lattice.query.64.random.hermite", "ns/query"},
              {"lattice.query.64.random.hermite.single", "ns/query"}},
             [] { return hermite(64); });

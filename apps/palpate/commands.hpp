@@ -17,6 +17,7 @@ struct LatticeOptions {
   int subdivisions = 40;
   double spacing = 0;           // file units; 0: from subdivisions
   double margin = 0;            // file units
+  double band = 0;              // in units of the cell size; 0: the whole grid
   std::string sign = "auto";    // auto | pseudonormal | winding
   std::string format = "auto";  // auto (by extension) | h5 | text | vti
 };

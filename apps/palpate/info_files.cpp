@@ -7,6 +7,7 @@
 #include "console.hpp"
 #include "info.hpp"
 #include "palpate/io/container.hpp"
+#include "palpate/lattice/band_lattice.hpp"
 #include "palpate/lattice/lattice_file.hpp"
 #include "palpate/simulation/organ.hpp"
 
@@ -44,6 +45,25 @@ void info_lattice(const InfoOptions& options, Facts& facts) {
   const auto [least, most] = std::minmax_element(d.begin(), d.end());
   facts.add("distances", fmt::format("{:.5g} to {:.5g} mm", 1e3 * *least, 1e3 * *most));
   facts.object["distance_m"] = {*least, *most};
+}
+
+void info_band(const InfoOptions& options, Facts& facts) {
+  const ContainerReader in(options.input, "band lattice", any_version);
+  const std::array<std::int64_t, 3> n{in.integer("points_x"), in.integer("points_y"), in.integer("points_z")};
+  const double h = in.number("spacing"), band = in.number("band");
+  const Vec3 origin(in.number("origin_x"), in.number("origin_y"), in.number("origin_z"));
+  facts.add("band", fmt::format("{:.5g} mm of a lattice of {} x {} x {} points, {:.5g} mm apart", 1e3 * band,
+                                n[0], n[1], n[2], 1e3 * h));
+  facts.add("bricks", fmt::format("{} of 8 x 8 x 8 points", rows(in, "distance")));
+  facts.object.update({{"points", n}, {"spacing_m", h}, {"band_m", band}, {"bricks", rows(in, "distance")}});
+  facts.add_box({origin, origin + h * Vec3(double(n[0]) - 1, double(n[1]) - 1, double(n[2]) - 1)}, "");
+  facts.add("sign", in.text("sign"));
+  facts.add("surface", fmt::format("{} on {}", count(rows(in, "surface/triangles"), "triangle", "triangles"),
+                                   count(rows(in, "surface/vertices"), "vertex", "vertices")));
+  facts.add("made of", in.text("provenance"));
+  facts.object["sign"] = in.text("sign"), facts.object["provenance"] = in.text("provenance");
+  facts.object["triangles"] = rows(in, "surface/triangles"), facts.object["version"] = in.version();
+  if (options.verify) read_band(options.input);
 }
 
 // The thesis' text.
@@ -119,6 +139,8 @@ void info_container(const InfoOptions& options, const std::string& kind, const C
     info_text_lattice(options, facts);
   else if (kind == "lattice")
     info_lattice(options, facts);
+  else if (kind == "band lattice")
+    info_band(options, facts);
   else if (kind == "model")
     info_model(options, facts, console);
   else

@@ -7,6 +7,7 @@
 #include "palpate/base/timer.hpp"
 #include "palpate/geometry/check.hpp"
 #include "palpate/io/surface_file.hpp"
+#include "palpate/lattice/band_lattice.hpp"
 #include "palpate/lattice/lattice_file.hpp"
 
 namespace palpate {
@@ -59,15 +60,21 @@ std::string closedness(const MeshReport& r) {
 struct Run {
   SurfaceFile file;
   MeshReport report;
-  LatticeSamples samples;
+  Grid grid;
+  LatticeSamples samples;  // one of the two
+  BandSamples band;
   InterpolationError error;
   double read_seconds = 0, tree_seconds = 0, fill_seconds = 0;
 };
 
 void show(const LatticeOptions& o, const Run& run, const SignedDistanceField& field, const Console& console) {
-  const Grid& g = run.samples.grid;
+  const Grid& g = run.grid;
   const MeshReport& r = run.report;
-  const auto memory = g.size() * (sizeof(double) + sizeof(Vec3));
+  const bool banded = o.band > 0;
+  const std::size_t sampled = banded ? run.band.distance.size() : g.size();
+  const auto memory = banded ? run.band.center.size() * (sizeof(double) + sizeof(std::int32_t)) +
+                                   sampled * (sizeof(double) + 2 * sizeof(Vec3))
+                             : sampled * (sizeof(double) + sizeof(Vec3));
   console.line(fmt::format("surface   {} triangles, {} vertices, {} ({}), {}", r.triangles, r.vertices,
                            plural(r.components, "part", "parts"), closedness(r),
                            human_time(run.read_seconds)));
@@ -80,12 +87,17 @@ void show(const LatticeOptions& o, const Run& run, const SignedDistanceField& fi
   console.line(fmt::format("sign      {}; tree {}", sign, human_time(run.tree_seconds)));
   console.line(
       fmt::format("grid      {} x {} x {} = {} points, h = {:.6g} m", g.n[0], g.n[1], g.n[2], g.size(), g.h));
-  console.line(fmt::format("samples   {} ({:.0f} ns a point), {}", human_time(run.fill_seconds),
+  if (banded)
+    console.line(
+        fmt::format("band      {:.4g} m, {} of {} bricks of 8 x 8 x 8 points; lower bounds elsewhere",
+                    run.band.band, run.band.slots(), run.band.slot.size()));
+  console.line(fmt::format("samples   {} ({:.0f} ns a point of the grid), {}", human_time(run.fill_seconds),
                            1e9 * run.fill_seconds / static_cast<double>(g.size()), human_bytes(memory)));
   console.line(
-      fmt::format("error     trilinear against exact at {} random points: max {:.3g} m ({:.3g} h), RMS "
+      fmt::format("error     trilinear against exact at {} random points{}: max {:.3g} m ({:.3g} h), RMS "
                   "{:.3g} m ({:.3g} h)",
-                  error_points, run.error.max, run.error.max / g.h, run.error.rms, run.error.rms / g.h));
+                  error_points, banded ? " in the bricks" : "", run.error.max, run.error.max / g.h,
+                  run.error.rms, run.error.rms / g.h));
   console.line(fmt::format("written   {}", o.output.string()));
   console.object({{"input", o.input.string()},
                   {"output", o.output.string()},
@@ -105,6 +117,8 @@ void show(const LatticeOptions& o, const Run& run, const SignedDistanceField& fi
                   {"parts_turned_over", field.flipped_parts()},
                   {"n", g.n},
                   {"points", g.size()},
+                  {"band_m", run.band.band},
+                  {"sampled_points", sampled},
                   {"spacing_m", g.h},
                   {"origin_m", {g.origin.x(), g.origin.y(), g.origin.z()}},
                   {"read_s", run.read_seconds},
@@ -129,6 +143,9 @@ void run_lattice(const LatticeOptions& o, const Console& console) {
     throw Error(ErrorKind::usage, "-o - prints the text format alone; give a file name for {}",
                 console.json ? "--json" : "other formats");
   if (o.spacing < 0) throw Error(ErrorKind::usage, "--spacing must be positive");
+  if (o.band != 0 && !(o.band >= 1)) throw Error(ErrorKind::usage, "--band {}: at least 1 (cell)", o.band);
+  if (o.band > 0 && format != Format::h5)
+    throw Error(ErrorKind::usage, "--band: only .h5 holds a band; text and .vti are whole grids");
 
   Run run;
   Timer clock = wall_timer();
@@ -136,7 +153,7 @@ void run_lattice(const LatticeOptions& o, const Console& console) {
   run.report = check(run.file.mesh);
   run.read_seconds = clock.seconds();
   const Box& box = run.report.box;
-  const Grid grid = [&] {
+  run.grid = [&] {
     try {
       return o.spacing > 0 ? make_grid_spaced(box, o.spacing * unit, o.margin * unit)
                            : make_grid(box, o.subdivisions, o.margin * unit);
@@ -148,20 +165,25 @@ void run_lattice(const LatticeOptions& o, const Console& console) {
   const SignedDistanceField field(run.file.mesh, sign);
   run.tree_seconds = clock.seconds();
   clock = wall_timer();
-  run.samples = sample_lattice(field, grid, console.threads, console.progress("lattice"));
+  const Progress progress = console.progress("lattice");
+  if (o.band > 0)
+    run.band = sample_band(field, run.grid, o.band * run.grid.h, console.threads, progress);
+  else
+    run.samples = sample_lattice(field, run.grid, console.threads, progress);
   run.fill_seconds = clock.seconds();
 
   if (to_stdout) {
     write_lattice_text([](std::string_view text) { fmt::print("{}", text); }, run.samples);
     return;
   }
-  run.error = estimate_error(field, run.samples, error_points);
+  run.error = o.band > 0 ? estimate_error(field, run.band, error_points)
+                         : estimate_error(field, run.samples, error_points);
+  const std::string provenance =
+      fmt::format("{}, 1 unit = {} m, sign by {}", o.input.filename().string(), unit, name(field.method()));
   if (format == Format::text) write_lattice_text(o.output, run.samples);
   if (format == Format::vti) write_lattice_vti(o.output, run.samples);
-  if (format == Format::h5)
-    write_lattice(o.output, run.samples, run.file.mesh,
-                  fmt::format("{}, 1 unit = {} m, sign by {}", o.input.filename().string(), unit,
-                              name(field.method())));
+  if (format == Format::h5 && o.band > 0) write_band(o.output, run.band, run.file.mesh, provenance);
+  if (format == Format::h5 && o.band == 0) write_lattice(o.output, run.samples, run.file.mesh, provenance);
   show(o, run, field, console);
 }
 

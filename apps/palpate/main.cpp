@@ -24,7 +24,8 @@ const std::string unit_help = "unit of the file's lengths: m, cm, mm, um, in, ft
 
 void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
   CLI::App* c = command(app, "lattice", "Turn a surface into a lattice of exact signed distances.",
-                        "palpate lattice bishop.iv --unit m --subdivisions 40 -o bishop.h5");
+                        "palpate lattice bishop.iv --unit m --subdivisions 40 -o bishop.h5\n"
+                        "  palpate lattice skull.stl --unit mm --spacing 0.2 --band 4 -o skull.h5");
   c->add_option("input", o.input, "surface: .iv .obj .stl .ply .glb")->required();
   c->add_option("-o,--output", o.output, "file to write; - prints the text format")->required();
   c->add_option("--unit", o.unit, unit_help)->capture_default_str();
@@ -32,6 +33,9 @@ void add_lattice(CLI::App& app, LatticeOptions& o, const Console& console) {
       ->capture_default_str();
   c->add_option("--spacing", o.spacing, "cell size instead, in file units");
   c->add_option("--margin", o.margin, "grow the box by this much on all sides, in file units");
+  c->add_option(
+      "--band", o.band,
+      "exact samples only this many cells about the surface, lower bounds elsewhere: for big grids");
   c->add_option("--sign", o.sign, "auto, pseudonormal or winding")->capture_default_str();
   c->add_option("--format", o.format,
                 "auto (by extension), h5, text (the thesis' seven numbers a line) or vti")

@@ -10,6 +10,7 @@ std::unique_ptr<GridSampler> make_openvdb(const Vec3&, double, const std::array<
                                           std::span<const float>) {
   return nullptr;
 }
+std::unique_ptr<BandFill> make_openvdb_band(const TriangleMesh&, double, float) { return nullptr; }
 #endif
 #if !PALPATE_PEER_cholmod
 std::unique_ptr<Factorisation> make_cholmod(const Eigen::SparseMatrix<double>&) { return nullptr; }

@@ -31,6 +31,15 @@ class GridSampler {
 std::unique_ptr<GridSampler> make_openvdb(const Vec3& origin, double h, const std::array<std::int32_t, 3>& n,
                                           std::span<const float> values);
 
+// A narrow band of distances about a surface.
+class BandFill {
+ public:
+  virtual ~BandFill() = default;
+  virtual std::size_t fill() = 0;  // by one thread; number of distances stored
+};
+// OpenVDB: tools::meshToVolume, `width` voxels to both sides, grid points at multiples of h.
+std::unique_ptr<BandFill> make_openvdb_band(const TriangleMesh& mesh, double h, float width);
+
 // Sparse Cholesky factorisation.
 class Factorisation {
  public:

@@ -12,6 +12,7 @@
 #include "palpate/base/timer.hpp"
 #include "palpate/geometry/shapes.hpp"
 #include "palpate/io/atomic_file.hpp"
+#include "palpate/lattice/band_lattice.hpp"
 #include "palpate/lattice/lattice_file.hpp"
 #include "unit/io/damage.hpp"
 #include "unit/io/io_test.hpp"
@@ -45,7 +46,10 @@ std::vector<Seed> corpus(const TempFolder& folder) {
         sample_lattice(SignedDistanceField(mesh), make_grid(bounding_box(mesh.vertices), n), 1);
     write_lattice(folder / "a.h5", s, mesh, "a box");
     write_lattice_text(folder / "a.txt", s);
-    for (const char* name : {"a.h5", "a.txt"}) all.push_back({name, read_file(folder / name)});
+    const SignedDistanceField field(mesh);
+    write_band(folder / "band.h5", sample_band(field, make_grid(bounding_box(mesh.vertices), 8 * n), 0.2, 1),
+               mesh, "a box");
+    for (const char* name : {"a.h5", "a.txt", "band.h5"}) all.push_back({name, read_file(folder / name)});
   }
   return all;
 }
@@ -54,6 +58,11 @@ std::vector<Seed> corpus(const TempFolder& folder) {
 std::string read(const std::filesystem::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
   try {
+    if (path.filename() == "band.h5" && is_band_file(path)) {
+      const BandLattice lattice(read_band(path).samples);
+      if (std::isnan(lattice.distance(lattice.grid().box().center()))) return "a distance is no number";
+      return "";
+    }
     const LatticeFile file = read_lattice(path);
     const std::size_t n = file.samples.grid.size();
     if (file.samples.distance.size() != n || file.samples.closest.size() != n) return "sizes differ";

@@ -34,7 +34,8 @@ struct GapAt {
   }
   Gap operator()(const Cuboid& c) const { return cuboid_gap(c.half, p); }
   Gap operator()(const HalfSpace&) const { return {p.z(), Vec3::UnitZ()}; }
-  Gap operator()(const std::shared_ptr<const Lattice>& lattice) const {
+  template <class AnyLattice>
+  Gap operator()(const std::shared_ptr<const AnyLattice>& lattice) const {
     const LatticeSample s = lattice->smooth(p);
     const double slope = s.gradient.norm();
     return {s.distance, slope > 1e-9 ? Vec3(s.gradient / slope) : Vec3::UnitZ(), std::clamp(slope, 0.1, 2.0)};
@@ -52,7 +53,10 @@ struct BoxOf {
     const double inf = std::numeric_limits<double>::infinity();
     return {Vec3::Constant(-inf), Vec3(inf, inf, 0)};
   }
-  Box operator()(const std::shared_ptr<const Lattice>& lattice) const { return lattice->grid().box(); }
+  template <class AnyLattice>
+  Box operator()(const std::shared_ptr<const AnyLattice>& lattice) const {
+    return lattice->grid().box();
+  }
 };
 
 // A capsule is a sphere whose halves are pulled apart.
@@ -68,6 +72,12 @@ TriangleMesh square(double side) {
 }
 
 }  // namespace
+
+bool is_empty(const Shape& shape) noexcept {
+  const auto* whole = std::get_if<std::shared_ptr<const Lattice>>(&shape);
+  const auto* band = std::get_if<std::shared_ptr<const BandLattice>>(&shape);
+  return (whole && !*whole) || (band && !*band);
+}
 
 double distance(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape).distance; }
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <variant>
 
-#include "palpate/lattice/lattice.hpp"
+#include "palpate/lattice/band_lattice.hpp"
 
 namespace palpate {
 
@@ -19,7 +19,11 @@ struct Cuboid {
   Vec3 half;
 };                    // |x| <= half
 struct HalfSpace {};  // z <= 0 is solid
-using Shape = std::variant<Sphere, Capsule, Cuboid, HalfSpace, std::shared_ptr<const Lattice>>;
+using Shape = std::variant<Sphere, Capsule, Cuboid, HalfSpace, std::shared_ptr<const Lattice>,
+                           std::shared_ptr<const BandLattice>>;
+
+// A lattice that is not there.
+bool is_empty(const Shape& shape) noexcept;
 
 struct Gap {
   double distance = 0;         // signed, m, negative inside

@@ -7,6 +7,7 @@
 
 #include "palpate/base/parallel_for.hpp"
 #include "palpate/base/timer.hpp"
+#include "palpate/lattice/cell.hpp"
 #include "palpate/lattice/lattice_batch.hpp"
 
 namespace palpate {
@@ -35,36 +36,16 @@ Grid grid_with(const Box& box, double h, double margin) {
   return grid;
 }
 
-// The cell that holds p and where in it, clamped to the grid; safe for any p.
-struct Cell {
-  std::size_t first;  // number of its lowest point
-  Vec3 t;             // 0..1 along each axis
-};
-Cell cell_at(const Grid& grid, const Vec3& p) noexcept {
-  Cell c{0, {}};
-  for (int k = 0; k < 3; ++k) {
-    const auto n = grid.n[static_cast<std::size_t>(k)];
-    const double x = (p[k] - grid.origin[k]) / grid.h;
-    const double inside = x > 0 ? std::min(x, static_cast<double>(n - 1)) : 0;  // NaN: 0
-    const int i = std::min(static_cast<int>(inside), n - 2);
-    c.first = c.first * static_cast<std::size_t>(n) + static_cast<std::size_t>(i);
-    c.t[k] = inside - i;
-  }
-  return c;
-}
-
-// Offsets and trilinear weights of the eight corners, z fastest.
+// The eight corners of the cell that holds a point, z fastest.
 struct Corners {
-  std::array<std::size_t, 8> at;
+  std::array<std::size_t, 8> at;  // numbers
   std::array<double, 8> weight;
-  Corners(const Grid& grid, const Cell& c) noexcept {
-    const auto ny = static_cast<std::size_t>(grid.n[1]), nz = static_cast<std::size_t>(grid.n[2]);
-    const std::array<double, 2> x{1 - c.t.x(), c.t.x()}, y{1 - c.t.y(), c.t.y()}, z{1 - c.t.z(), c.t.z()};
-    for (std::size_t m = 0; m < 8; ++m) {
-      const std::size_t i = m >> 2, j = m >> 1 & 1, k = m & 1;
-      at[m] = c.first + (i * ny + j) * nz + k;
-      weight[m] = x[i] * y[j] * z[k];
-    }
+  Corners(const Grid& grid, const Vec3& p) noexcept {
+    const Cell c = cell_at(grid, p);
+    weight = trilinear(c.t);
+    const std::size_t first = grid.number(c.at), nz = static_cast<std::size_t>(grid.n[2]),
+                      sheet = static_cast<std::size_t>(grid.n[1]) * nz;
+    for (std::size_t m = 0; m < 8; ++m) at[m] = first + (m >> 2) * sheet + (m >> 1 & 1) * nz + (m & 1);
   }
   double mix(const auto& values) const noexcept {
     double sum = 0;
@@ -209,7 +190,7 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Latt
   for (int i = 0; i < points; ++i) {
     const double x = uniform(), y = uniform(), z = uniform();
     const Vec3 p = box.min + box.size().cwiseProduct(Vec3(x, y, z));
-    const double trilinear = Corners(samples.grid, cell_at(samples.grid, p)).mix(samples.distance);
+    const double trilinear = Corners(samples.grid, p).mix(samples.distance);
     const double e = std::abs(trilinear - surface.at(p).distance);
     error.max = std::max(error.max, e);
     sum += e * e;
@@ -278,7 +259,7 @@ void Lattice::sample(std::span<const Vec3f> points, const Batch& out, Interpolat
       if (outside[i] == 0) continue;
       const Vec3 g = gradients ? Vec3(gradients[i].cast<double>()) : Vec3(Vec3::Zero());
       const LatticeSample s =
-          beyond(points[begin + i].cast<double>(), {static_cast<double>(distances[i]), g});
+          beyond(grid_, points[begin + i].cast<double>(), {static_cast<double>(distances[i]), g});
       distances[i] = static_cast<float>(s.distance);
       if (gradients) gradients[i] = s.gradient.cast<float>();
     }
@@ -295,77 +276,32 @@ LatticeSample Lattice::hermite(const Vec3& p) const noexcept {
   interpolate_batch(view(), Interpolation::hermite, best_simd(), Vec3f(p.cast<float>()).data(), 1,
                     {&distance, gradient.data(), &outside});
   const LatticeSample s{static_cast<double>(distance), gradient.cast<double>()};
-  return outside == 0 ? s : beyond(p, s);
+  return outside == 0 ? s : beyond(grid_, p, s);
 }
 
 double Lattice::distance(const Vec3& p) const noexcept {
   const Box box = grid_.box();
-  const double d = Corners(grid_, cell_at(grid_, p)).mix(distance_);
-  return box.contains(p) ? d : beyond(d, (p - p.cwiseMax(box.min).cwiseMin(box.max)).norm());
-}
-
-// Outside the box, from the interpolated distance d at its nearest point and the distance s to it. The
-// surface lies in the box, which is convex, so no point of it is nearer than sqrt(s^2 + exact^2). The
-// interpolant exceeds the exact distance on the box by at most h/sqrt(2): taken off gradually, to be
-// continuous.
-double Lattice::beyond(double d, double s) const noexcept {
-  if (!(d > 0)) return s + d;
-  if (!(s < std::numeric_limits<double>::infinity())) return s;
-  return std::max(s, std::sqrt(s * s + d * d) - std::min(s, std::sqrt(0.5) * grid_.h));
-}
-
-LatticeSample Lattice::beyond(const Vec3& p, LatticeSample nearest) const noexcept {
-  const Box box = grid_.box();
-  const Vec3 out = p - p.cwiseMax(box.min).cwiseMin(box.max);
-  const double s = out.norm();
-  const Vec3 away =
-      out + std::max(nearest.distance, 0.0) * nearest.gradient;  // gradient of sqrt(s^2 + d^2), times it
-  if (away.norm() > 0 && s < std::numeric_limits<double>::infinity()) nearest.gradient = away.normalized();
-  return {beyond(nearest.distance, s), nearest.gradient};
+  const double d = Corners(grid_, p).mix(distance_);
+  return box.contains(p) ? d : beyond(grid_, d, (p - p.cwiseMax(box.min).cwiseMin(box.max)).norm());
 }
 
 LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
-  const Box box = grid_.box();
-  const Vec3 inside = p.cwiseMax(box.min).cwiseMin(box.max);
-  const Vec3 x = (inside - grid_.origin) / grid_.h;
-  std::array<std::array<std::size_t, 3>, 3>
-      at;  // [axis][-1, 0, 1]: offsets of the three nearest grid points, the last one repeated beyond the box
-  std::array<std::array<double, 3>, 3> w, dw;  // their weights and the weights' derivatives
-  const std::array<std::size_t, 3> stride{
-      static_cast<std::size_t>(grid_.n[1]) * static_cast<std::size_t>(grid_.n[2]),
-      static_cast<std::size_t>(grid_.n[2]), 1};
-  for (std::size_t a = 0; a < 3; ++a) {
-    const int last = grid_.n[a] - 1;
-    const double xa = x[static_cast<int>(a)];
-    const int nearest = xa > 0 ? std::min(static_cast<int>(xa + 0.5), last) : 0;  // 0 where p is no number
-    const double t = xa - nearest;
-    for (int k = 0; k < 3; ++k)
-      at[a][static_cast<std::size_t>(k)] =
-          stride[a] * static_cast<std::size_t>(std::clamp(nearest + k - 1, 0, last));
-    w[a] = {0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t)};
-    dw[a] = {t - 0.5, -2 * t, t + 0.5};
-  }
-  double d = 0;
-  Vec3 g = Vec3::Zero();
+  const Spline spline(grid_, p);
+  std::array<double, 27> values;
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t j = 0; j < 3; ++j) {
-      const float* row = distance_.data() + at[0][i] + at[1][j];
-      double along = 0, dalong = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double v = static_cast<double>(row[at[2][k]]);
-        along += w[2][k] * v;
-        dalong += dw[2][k] * v;
-      }
-      d += w[0][i] * w[1][j] * along;
-      g += Vec3(dw[0][i] * w[1][j] * along, w[0][i] * dw[1][j] * along, w[0][i] * w[1][j] * dalong);
+      const std::size_t row = grid_.number({spline.at[0][i], spline.at[1][j], 0});
+      for (std::size_t k = 0; k < 3; ++k)
+        values[9 * i + 3 * j + k] =
+            static_cast<double>(distance_[row + static_cast<std::size_t>(spline.at[2][k])]);
     }
-  g /= grid_.h;
-  return box.contains(p) ? LatticeSample{d, g} : beyond(p, {d, g});
+  const LatticeSample s = spline(values, grid_.h);
+  return grid_.box().contains(p) ? s : beyond(grid_, p, s);
 }
 
 LatticeSample Lattice::sample(const Vec3& p) const noexcept {
   const Box box = grid_.box();
-  const Corners corners(grid_, cell_at(grid_, p));
+  const Corners corners(grid_, p);
   const double d = corners.mix(distance_);
   Vec3 g = Vec3::Zero();
   for (std::size_t m = 0; m < 8; ++m) g += corners.weight[m] * jets_[corners.at[m]].gradient.cast<double>();
@@ -378,7 +314,7 @@ LatticeSample Lattice::sample(const Vec3& p) const noexcept {
     length = g.norm();
   }
   g /= length;
-  return box.contains(p) ? LatticeSample{d, g} : beyond(p, {d, g});
+  return box.contains(p) ? LatticeSample{d, g} : beyond(grid_, p, {d, g});
 }
 
 void Lattice::distance(std::span<const Vec3> points, std::span<double> out) const noexcept {
@@ -391,7 +327,7 @@ void Lattice::sample(std::span<const Vec3> points, std::span<LatticeSample> out)
 
 std::optional<Vec3> Lattice::closest(const Vec3& p) const noexcept {
   if (!grid_.box().contains(p)) return {};
-  const Corners corners(grid_, cell_at(grid_, p));
+  const Corners corners(grid_, p);
   const auto farthest2 = static_cast<float>(4 * grid_.h * grid_.h);
   for (std::size_t a = 0; a < 8; ++a)
     for (std::size_t b = 0; b < a; ++b)

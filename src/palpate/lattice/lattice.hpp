@@ -123,8 +123,6 @@ class Lattice {
     Vec3f gradient;
   };
   BatchView view() const noexcept;
-  double beyond(double d, double s) const noexcept;
-  LatticeSample beyond(const Vec3& p, LatticeSample nearest) const noexcept;
   Grid grid_;
   HugeVector<float> distance_;
   HugeVector<Vec3f> closest_;

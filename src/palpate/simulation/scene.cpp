@@ -237,9 +237,16 @@ Instrument read_instrument(Table t, std::size_t number, int threads, const Progr
   if (t.has("surface")) {
     out = lattice_instrument(t, threads, progress);
   } else if (t.has("lattice")) {
-    LatticeFile file = read_lattice(t.path("lattice"));
-    out.shape = std::make_shared<const Lattice>(file.samples);
-    out.surface = std::move(file.surface);
+    const std::filesystem::path path = t.path("lattice");
+    if (is_band_file(path)) {
+      BandFile file = read_band(path);
+      out.shape = std::make_shared<const BandLattice>(file.samples);
+      out.surface = std::move(file.surface);
+    } else {
+      LatticeFile file = read_lattice(path);
+      out.shape = std::make_shared<const Lattice>(file.samples);
+      out.surface = std::move(file.surface);
+    }
   } else if (t.has("sphere")) {
     out.shape = Sphere{t.quantity("sphere", 0, length_units)};
   } else if (t.has("capsule")) {

@@ -47,8 +47,7 @@ State make_state(const Model& model) {
   if (model.settings.max_contacts < 1 || model.settings.max_contacts > 5000)
     throw Error(ErrorKind::usage, "max_contacts is {}; use 1 to 5000", model.settings.max_contacts);
   for (const Instrument& instrument : model.instruments)
-    if (const auto* lattice = std::get_if<std::shared_ptr<const Lattice>>(&instrument.shape);
-        lattice && !*lattice)
+    if (is_empty(instrument.shape))
       throw Error(ErrorKind::usage, "instrument '{}' has an empty lattice", instrument.name);
 
   const auto capacity = std::min<std::size_t>(static_cast<std::size_t>(model.settings.max_contacts),
