@@ -339,8 +339,7 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
                 tolerance, smallest_tolerance);
   if (positions.size() != factored.load_at.size())
     throw Error(ErrorKind::internal, "{} positions for {} loads", positions.size(), factored.load_at.size());
-  // What the certificate finds in the worst block is some six times what is cut off, seven in large ones.
-  double cut = tolerance / 8;
+  double share = 1;
   std::size_t probes = first_probes(tolerance);
   for (int attempt = 0; attempt < 8; ++attempt) {
     const auto part = [&](double from, double to) {  // of this attempt; what is left is for others
@@ -352,6 +351,9 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
       return out;
     };
     Hierarchical h = outline(positions.size(), positions);
+    // What the certificate finds in the worst block is so many times what is cut off, as measured: the more
+    // blocks, the worse the worst.
+    const double cut = share * tolerance / std::max(6, h.levels - 2);
     {
       const Progress building = part(0, 0.7);
       Builder builder{factored, h, threads, building, probes, cut};
@@ -370,9 +372,9 @@ Hierarchical compress(const Factored<float>& factored, std::span<const Vec3> pos
       h = std::move(whole).release();
       h.lowest = lowest;
       if (lowest > 0) return h;
-      cut /= 4;
+      share /= 4;
     } else {
-      cut *= std::min(0.7, 0.8 * tolerance / h.error);
+      share *= std::min(0.7, 0.8 * tolerance / h.error);
     }
   }
   throw Error(ErrorKind::physics,
