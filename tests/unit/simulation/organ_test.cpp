@@ -184,7 +184,7 @@ TEST(Organ, APivotThatIsNotPositiveNamesItsNodeAndTheLikelyCause) {
 TEST(Organ, MemoryIsPredictedAndWhatFitsIsNamed) {
   // Too little for anything, then for the dense storage alone, then enough.
   std::string seen;
-  for (std::size_t limit = 1000000; seen.empty() || seen.back() != 'd'; limit += limit / 16) try {
+  for (std::size_t limit = 1000000; seen.empty() || seen.back() != 'd'; limit += limit / 64) try {
       bake(make_block({Vec3::Zero(), Vec3(0.2, 0.2, 0.02)}, {20, 20, 2}), {{1e4, 0.45, 1000}},
            {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitX()}}, 1, {}, nullptr, {Storage::dense, 1e-3, limit});
       seen += 'd';
