@@ -163,6 +163,14 @@ TEST(BandLattice, RefusesABandOfNothing) {
   const Grid grid = make_grid(test::box_of(mesh), 10);
   EXPECT_THROW(sample_band(field, grid, 0.5 * grid.h), Error);
   EXPECT_THROW(sample_band(field, grid, std::nan("")), Error);
+  const Grid huge = make_grid_spaced(test::box_of(mesh), 1e-5);
+  try {
+    sample_band(field, huge, 3e-5);
+    FAIL() << "there is no such memory";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.kind(), ErrorKind::resource);
+    EXPECT_NE(std::string(e.what()).find("larger spacing"), std::string::npos);
+  }
   std::atomic<bool> stop = true;
   EXPECT_THROW(sample_band(field, grid, grid.h, 1, {nullptr, &stop}), Error);
 }

@@ -1,5 +1,6 @@
 // What is asked online.
 #include "lattice_test.hpp"
+#include "palpate/geometry/shapes.hpp"
 
 namespace palpate {
 namespace {
@@ -108,23 +109,34 @@ TEST(LatticeQuery, GradientOnGridPointsOfTheSurface) {
   }
 }
 
+// Also across the medial axis, at sharp edges and between the sides of a plate thinner than a cell: nearer to
+// the surface than the lattice's own distances are exact.
 TEST(LatticeQuery, ClosestIsOnTheSurfaceOrNothing) {
-  for (const TriangleMesh& mesh : {test::torus(1, 0.4, 60, 30), test::cube(Vec3::Zero(), 1)}) {
+  std::vector<std::pair<TriangleMesh, double>> meshes{{test::torus(1, 0.4, 60, 30), 0.7},
+                                                      {test::cube(Vec3::Zero(), 1), 0.7},
+                                                      {make_kidney(600), 0.7},
+                                                      {make_box({Vec3::Zero(), Vec3(1, 0.7, 0.03)}, 4), 0}};
+  if (std::filesystem::exists(test::inventor / "bishop.iv"))
+    meshes.emplace_back(read_surface(test::inventor / "bishop.iv").mesh, 0.5);
+  for (const auto& [mesh, share] : meshes) {
     const SignedDistanceField field(mesh);
-    const LatticeSamples s = sampled(mesh, 12, 0.2);
+    const Box box = box_of(mesh);
+    const LatticeSamples s = sample_lattice(
+        field, make_grid_spaced(box, box.size().maxCoeff() / 30, 0.1 * box.size().maxCoeff()), 1);
     const Lattice lattice(s);
     const double error = estimate_error(field, s, 20000).max;
     std::mt19937_64 random(5);
     int near = 0, found = 0;
-    for (int i = 0; i < 20000; ++i) {
+    for (int i = 0; i < 40000; ++i) {
       const Vec3 p = test::random_in(s.grid.box(), random);
       const auto c = lattice.closest(p);
       if (c) {
-        ASSERT_LE(std::abs(field.at(*c).distance), 0.1 * s.grid.h + error);
+        ASSERT_LE(std::abs(field.at(*c).distance), 1.1 * error)  // which is sampled, too
+            << i << ", h " << s.grid.h;
       }
       if (std::abs(field.at(p).distance) < 0.5 * s.grid.h) ++near, found += c.has_value();
     }
-    EXPECT_GT(found, 0.7 * near) << found << " of " << near;
+    EXPECT_GE(found, share * near) << found << " of " << near;
   }
   // In the middle of the cube, and in the torus' ring: nothing.
   EXPECT_FALSE(Lattice(sampled(test::cube(Vec3::Zero(), 1), 9)).closest(Vec3(0.01, 0.02, 0)));
