@@ -211,7 +211,7 @@ template <class Kernels>
 }
 
 #if defined(__x86_64__)
-PALPATE_AVX2 [[gnu::flatten]] void WideTree::search_avx2(const Query& query) const {
+[[gnu::flatten]] PALPATE_AVX2 void WideTree::search_avx2(const Query& query) const {
   search_with<Avx2>(query);
 }
 #endif

@@ -234,12 +234,12 @@ void run_one(const BatchView& v, const float* p, std::size_t n, const BatchOut& 
 }
 #if defined(__x86_64__)
 template <class Interpolant>
-PALPATE_AVX2 [[gnu::flatten]] void run_avx2(const BatchView& v, const float* p, std::size_t n,
+[[gnu::flatten]] PALPATE_AVX2 void run_avx2(const BatchView& v, const float* p, std::size_t n,
                                             const BatchOut& out) {
   run<Avx2, Interpolant>(v, p, n, out);
 }
 template <class Interpolant>
-PALPATE_AVX512 [[gnu::flatten]] void run_avx512(const BatchView& v, const float* p, std::size_t n,
+[[gnu::flatten]] PALPATE_AVX512 void run_avx512(const BatchView& v, const float* p, std::size_t n,
                                                 const BatchOut& out) {
   run<Avx512, Interpolant>(v, p, n, out);
 }

@@ -8,8 +8,6 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t largest_ring = 14;  // the cost of a ring grows with its cube
-// Faces of a positive tetrahedron, counter-clockwise seen from outside.
-constexpr std::array<std::array<std::size_t, 3>, 4> faces{{{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
 
 bool holds(const Tetrahedron& t, Index v) { return t[0] == v || t[1] == v || t[2] == v || t[3] == v; }
 
