@@ -86,11 +86,11 @@ Medians in_turn(const std::function<void()>& ours, const std::function<void()>& 
   std::vector<double> a, b;
   double spent = 0;
   for (int i = 0; i < runs.most && (i < runs.least || spent < runs.seconds); ++i) {
-    if (runs.warm) ours();
+    for (int w = 0; w < runs.warm; ++w) ours();
     a.push_back(cpu_seconds(ours));
     spent += a.back();
     if (!peer) continue;
-    if (runs.warm) peer();
+    for (int w = 0; w < runs.warm; ++w) peer();
     b.push_back(cpu_seconds(peer));
     spent += b.back();
   }

@@ -32,7 +32,7 @@ struct Value {
 struct Runs {
   int least = 3, most = 15;  // of each side
   double seconds = 3;        // no new run is begun once so much CPU time is spent
-  bool warm = false;         // each timed run after one that is not: caches hold what they can of its own data
+  int warm = 0;              // runs before each timed one, for caches that hold what they can of its own data
 };
 // Medians of the CPU seconds of a call. `peer` may be empty: its median is then NaN.
 struct Medians {

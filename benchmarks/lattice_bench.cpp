@@ -140,7 +140,7 @@ std::vector<Value> query(int n, bool sorted, Lattice::Storage storage) {
   std::vector<float> out(points.size()), again(points.size());
   std::vector<Vec3f> gradient(points.size());
   std::vector<double> peer_out(points.size());
-  const Runs runs{5, 25, 2, true};
+  const Runs runs{5, 15, 2, 3};
   const auto peer = openvdb ? [&] { openvdb->sample(peer_points, peer_out); } : std::function<void()>();
   const Medians m = in_turn([&] { lattice.sample(points, {out, {}, {}}); }, peer, runs);
   const Medians g = in_turn([&] { lattice.sample(points, {again, gradient, {}}); }, {}, runs);
