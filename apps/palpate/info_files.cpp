@@ -22,6 +22,16 @@ std::size_t rows(const ContainerReader& in, const std::string& name) {
   return shape.empty() ? 0 : shape[0];
 }
 
+// What whole lattices and bands say of the surface they were made of.
+void add_origin_of(const ContainerReader& in, Facts& facts) {
+  facts.add("sign", in.text("sign"));
+  facts.add("surface", fmt::format("{} on {}", count(rows(in, "surface/triangles"), "triangle", "triangles"),
+                                   count(rows(in, "surface/vertices"), "vertex", "vertices")));
+  facts.add("made of", in.text("provenance"));
+  facts.object["sign"] = in.text("sign"), facts.object["provenance"] = in.text("provenance");
+  facts.object["triangles"] = rows(in, "surface/triangles"), facts.object["version"] = in.version();
+}
+
 void info_lattice(const InfoOptions& options, Facts& facts) {
   const ContainerReader in(options.input, "lattice", any_version);
   const std::vector<std::size_t> n = in.shape("distance");
@@ -33,12 +43,7 @@ void info_lattice(const InfoOptions& options, Facts& facts) {
   facts.add("lattice", fmt::format("{} x {} x {} points, {:.5g} mm apart", n[0], n[1], n[2], 1e3 * h));
   facts.object["points"] = n, facts.object["spacing_m"] = h;
   facts.add_box({origin, origin + h * cells}, "");
-  facts.add("sign", in.text("sign"));
-  facts.add("surface", fmt::format("{} on {}", count(rows(in, "surface/triangles"), "triangle", "triangles"),
-                                   count(rows(in, "surface/vertices"), "vertex", "vertices")));
-  facts.add("made of", in.text("provenance"));
-  facts.object["sign"] = in.text("sign"), facts.object["provenance"] = in.text("provenance");
-  facts.object["triangles"] = rows(in, "surface/triangles"), facts.object["version"] = in.version();
+  add_origin_of(in, facts);
   if (!options.verify) return;
   const LatticeFile file = read_lattice(options.input);
   const auto& d = file.samples.distance;
@@ -57,12 +62,7 @@ void info_band(const InfoOptions& options, Facts& facts) {
   facts.add("bricks", fmt::format("{} of 8 x 8 x 8 points", rows(in, "distance")));
   facts.object.update({{"points", n}, {"spacing_m", h}, {"band_m", band}, {"bricks", rows(in, "distance")}});
   facts.add_box({origin, origin + h * Vec3(double(n[0]) - 1, double(n[1]) - 1, double(n[2]) - 1)}, "");
-  facts.add("sign", in.text("sign"));
-  facts.add("surface", fmt::format("{} on {}", count(rows(in, "surface/triangles"), "triangle", "triangles"),
-                                   count(rows(in, "surface/vertices"), "vertex", "vertices")));
-  facts.add("made of", in.text("provenance"));
-  facts.object["sign"] = in.text("sign"), facts.object["provenance"] = in.text("provenance");
-  facts.object["triangles"] = rows(in, "surface/triangles"), facts.object["version"] = in.version();
+  add_origin_of(in, facts);
   if (options.verify) read_band(options.input);
 }
 

@@ -3,7 +3,7 @@
 
 #include "palpate/base/error.hpp"
 #include "palpate/base/parallel_for.hpp"
-#include "palpate/compliance/half.hpp"
+#include "palpate/base/half.hpp"
 #include "palpate/compliance/rows.hpp"
 #include "palpate/compliance/storage.hpp"
 

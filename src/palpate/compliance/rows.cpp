@@ -1,6 +1,6 @@
 #include "palpate/compliance/rows.hpp"
 
-#include "palpate/compliance/half.hpp"
+#include "palpate/base/half.hpp"
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif

@@ -144,15 +144,9 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Band
   InterpolationError error;
   double sum = 0;
   int found = 0;
-  const auto uniform = [&seed] {  // SplitMix64, as for whole lattices
-    std::uint64_t x = seed += 0x9e3779b97f4a7c15u;
-    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ x >> 27) * 0x94d049bb133111ebu;
-    return static_cast<double>((x ^ x >> 31) >> 11) * 0x1p-53;
-  };
   for (int i = 0; i < points && !chosen.empty(); ++i) {
-    const auto which = static_cast<std::size_t>(uniform() * static_cast<double>(chosen.size()));
-    const double x = uniform() - 0.5, y = uniform() - 0.5, z = uniform() - 0.5;
+    const auto which = static_cast<std::size_t>(uniform(seed) * static_cast<double>(chosen.size()));
+    const double x = uniform(seed) - 0.5, y = uniform(seed) - 0.5, z = uniform(seed) - 0.5;
     const Vec3 p = center_of(samples.grid, place(samples.bricks, chosen[which])) +
                    brick * samples.grid.h * Vec3(x, y, z);
     if (!samples.grid.box().contains(p)) continue;

@@ -72,4 +72,11 @@ LatticeSample beyond(const Grid& grid, const Vec3& p, LatticeSample nearest) noe
   return {beyond(grid, nearest.distance, s), nearest.gradient};
 }
 
+double uniform(std::uint64_t& seed) noexcept {
+  std::uint64_t x = seed += 0x9e3779b97f4a7c15u;
+  x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9u;
+  x = (x ^ x >> 27) * 0x94d049bb133111ebu;
+  return static_cast<double>((x ^ x >> 31) >> 11) * 0x1p-53;
+}
+
 }  // namespace palpate

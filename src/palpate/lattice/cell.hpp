@@ -31,4 +31,7 @@ struct Spline {
 double beyond(const Grid& grid, double d, double s) noexcept;
 LatticeSample beyond(const Grid& grid, const Vec3& p, LatticeSample nearest) noexcept;
 
+// The next of a sequence of numbers in 0..1, the same on every machine: SplitMix64 (Steele, Lea, Flood 2014).
+double uniform(std::uint64_t& seed) noexcept;
+
 }  // namespace palpate

@@ -180,15 +180,8 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Latt
   const Box box = samples.grid.box();
   InterpolationError error;
   double sum = 0;
-  // SplitMix64 (Steele, Lea, Flood 2014): the same points on every machine.
-  const auto uniform = [&seed] {
-    std::uint64_t x = seed += 0x9e3779b97f4a7c15u;
-    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ x >> 27) * 0x94d049bb133111ebu;
-    return static_cast<double>((x ^ x >> 31) >> 11) * 0x1p-53;
-  };
   for (int i = 0; i < points; ++i) {
-    const double x = uniform(), y = uniform(), z = uniform();
+    const double x = uniform(seed), y = uniform(seed), z = uniform(seed);
     const Vec3 p = box.min + box.size().cwiseProduct(Vec3(x, y, z));
     const double trilinear = Corners(samples.grid, p).mix(samples.distance);
     const double e = std::abs(trilinear - surface.at(p).distance);

@@ -4,7 +4,6 @@
 #include "palpate/lattice/lattice_batch.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <type_traits>
@@ -12,28 +11,6 @@
 #include "palpate/lattice/instruction_sets.hpp"
 
 namespace palpate {
-
-std::uint16_t to_half(float x) {
-  const auto bits = std::bit_cast<std::uint32_t>(x);
-  const auto sign = static_cast<std::uint16_t>(bits >> 16 & 0x8000u);
-  const float a = std::abs(x);
-  if (!(a < 65520.0f)) return static_cast<std::uint16_t>(sign | (a > 0 ? 0x7c00u : 0x7e00u));
-  if (a < 0x1p-14f)  // subnormal: a multiple of 2^-24
-    return static_cast<std::uint16_t>(sign | static_cast<std::uint16_t>(std::nearbyint(a * 0x1p24f)));
-  const std::uint32_t magnitude = bits & 0x7fffffffu;
-  return static_cast<std::uint16_t>(sign |
-                                    ((magnitude - 0x38000000u + 0xfffu + (magnitude >> 13 & 1u)) >> 13));
-}
-
-float from_half(std::uint16_t half) {
-  const std::uint32_t sign = (half & 0x8000u) << 16, exponent = half >> 10 & 31u, fraction = half & 0x3ffu;
-  if (exponent == 0) {
-    const float x = static_cast<float>(fraction) * 0x1p-24f;
-    return sign ? -x : x;
-  }
-  return std::bit_cast<float>(sign | (exponent == 31 ? 0x7f800000u : (exponent + 112) << 23) |
-                              fraction << 13);
-}
 
 namespace {
 

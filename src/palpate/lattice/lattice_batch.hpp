@@ -5,12 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "palpate/base/half.hpp"
 #include "palpate/base/simd.hpp"
 
 namespace palpate {
-
-std::uint16_t to_half(float x);  // nearest, ties to even; overflow: infinity
-float from_half(std::uint16_t half);
 
 enum class Interpolation : std::uint8_t { trilinear, hermite };
 

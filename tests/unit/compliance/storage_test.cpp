@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "palpate/base/error.hpp"
-#include "palpate/compliance/half.hpp"
+#include "palpate/base/half.hpp"
 #include "palpate/compliance/ordering.hpp"
 #include "palpate/compliance/rows.hpp"
 #include "palpate/elasticity/stiffness.hpp"

@@ -152,7 +152,8 @@ RC_GTEST_PROP(Pad, BumpySolids, ()) {
 
 TEST(Pad, GradedNeedsFewerNodesThanUniform) {
   const TriangleMesh kidney = make_kidney(1000);
-  const Padded graded = pad_delaunay(kidney), uniform = pad_delaunay(kidney, {}, {PadMethod::delaunay, 0, 0, false, "tissue"});
+  const Padded graded = pad_delaunay(kidney),
+               uniform = pad_delaunay(kidney, {}, {PadMethod::delaunay, 0, 0, false, "tissue"});
   expect_sound(kidney, uniform);
   EXPECT_LT(3 * graded.report.interior_points, 2 * uniform.report.interior_points);
 }

@@ -207,7 +207,8 @@ TEST(Stuffing, GivesUpWithAReason) {
   repair.repair = true;
   EXPECT_NE(message(open, repair).find("far from the surface"), std::string::npos);
   const TriangleMesh plate = make_box({Vec3(0, 0, 0), Vec3(1, 1, 0.001)});
-  EXPECT_NE(message(make_torus(1, 0.001, 60, 10), with_spacing(0.3)).find("too little inside"), std::string::npos);
+  EXPECT_NE(message(make_torus(1, 0.001, 60, 10), with_spacing(0.3)).find("too little inside"),
+            std::string::npos);
   EXPECT_NE(message(plate, with_spacing(1e-7)).find("too small"), std::string::npos);
   EXPECT_NE(message(plate, with_spacing(-1)).find("spacing"), std::string::npos);
   PadOptions few;
