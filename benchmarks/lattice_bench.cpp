@@ -127,7 +127,8 @@ std::vector<Value> query(int n, bool sorted, Lattice::Storage storage) {
   const LatticeSamples samples = smooth_torus(cube_grid(n));
   const Lattice lattice(samples, storage);
   const Grid& grid = lattice.grid();
-  const auto openvdb = peers::make_openvdb(grid.origin, grid.h, grid.n, lattice.distances());
+  const auto openvdb = peers::make_openvdb(
+      grid.origin, grid.h, grid.n, std::vector<float>(samples.distance.begin(), samples.distance.end()));
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> unit(0.0, grid.h * (n - 1) * (1 - 1e-6));
   std::vector<Vec3f> points(1000000);

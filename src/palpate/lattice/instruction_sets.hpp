@@ -41,7 +41,8 @@ struct Portable {
       for (std::size_t a = 0; a < 3; ++a) points[3 * i + a] = lane(x[a], i);
   }
   static void corners(const BatchView& view, const std::int32_t* first, V* corner) {
-    const auto row = static_cast<std::size_t>(view.n[2]), sheet = row * static_cast<std::size_t>(view.n[1]);
+    const auto row = static_cast<std::size_t>(view.stored[2]),
+               sheet = row * static_cast<std::size_t>(view.stored[1]);
     for (std::size_t i = 0; i < width; ++i) {
       const auto at = static_cast<std::size_t>(first[i]);
       for (std::size_t m = 0; m < 4; ++m)
@@ -67,7 +68,7 @@ struct Avx2 {
   static void split(const float* points, V* x) { Eight::split(points, x); }
   static void join(V* x, float* points) { Eight::join(x, points); }
   PALPATE_AVX2 static inline void corners(const BatchView& view, const std::int32_t* first, V* corner) {
-    const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
+    const std::ptrdiff_t row = view.stored[2], sheet = row * view.stored[1];
     if (view.quads) return from_quads(view.quads, first, corner);
     for (std::size_t m = 0; m < 4; ++m)
       pairs(view.values + static_cast<std::ptrdiff_t>(m >> 1) * sheet +
@@ -172,7 +173,7 @@ struct Avx512 {
     }
   }
   PALPATE_AVX512 static inline void corners(const BatchView& view, const std::int32_t* first, V* corner) {
-    const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
+    const std::ptrdiff_t row = view.stored[2], sheet = row * view.stored[1];
     if (view.quads) return from_quads(view.quads, first, corner);
     const __m256i low = _mm256_load_si256(reinterpret_cast<const __m256i*>(first)),
                   high = _mm256_load_si256(reinterpret_cast<const __m256i*>(first + 8));

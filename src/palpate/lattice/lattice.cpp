@@ -36,16 +36,16 @@ Grid grid_with(const Box& box, double h, double margin) {
   return grid;
 }
 
-// The eight corners of the cell that holds a point, z fastest.
+// The eight corners of the cell that holds a point, z fastest: their places among `stored`.
 struct Corners {
-  std::array<std::size_t, 8> at;  // numbers
+  std::array<std::size_t, 8> at;
   std::array<double, 8> weight;
-  Corners(const Grid& grid, const Vec3& p) noexcept {
+  Corners(const Grid& grid, const Grid::Points& stored, const Vec3& p) noexcept {
     const Cell c = cell_at(grid, p);
     weight = trilinear(c.t);
-    const std::size_t first = grid.number(c.at), nz = static_cast<std::size_t>(grid.n[2]),
-                      sheet = static_cast<std::size_t>(grid.n[1]) * nz;
-    for (std::size_t m = 0; m < 8; ++m) at[m] = first + (m >> 2) * sheet + (m >> 1 & 1) * nz + (m & 1);
+    const std::size_t first = Grid::number(stored, c.at), row = Grid::number(stored, {0, 1, 0}),
+                      sheet = Grid::number(stored, {1, 0, 0});
+    for (std::size_t m = 0; m < 8; ++m) at[m] = first + (m >> 2) * sheet + (m >> 1 & 1) * row + (m & 1);
   }
   double mix(const auto& values) const noexcept {
     double sum = 0;
@@ -58,6 +58,15 @@ struct Corners {
     return sum;
   }
 };
+
+// Rows and sheets a power of two apart fall on the same few places of the caches. Small grids fit them
+// anyway.
+Grid::Points spread(Grid::Points n) {
+  if (Grid::number(n, {n[0], 0, 0}) < std::size_t{1} << 21) return n;
+  while (n[1] % 8 != 2) ++n[1];
+  while (n[2] % 16 != 9) ++n[2];
+  return n;
+}
 
 // Unit gradient by differences of the distances at the neighbours.
 Vec3 difference(const LatticeSamples& s, const std::array<int, 3>& at) {
@@ -183,7 +192,7 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Latt
   for (int i = 0; i < points; ++i) {
     const double x = uniform(seed), y = uniform(seed), z = uniform(seed);
     const Vec3 p = box.min + box.size().cwiseProduct(Vec3(x, y, z));
-    const double trilinear = Corners(samples.grid, p).mix(samples.distance);
+    const double trilinear = Corners(samples.grid, samples.grid.n, p).mix(samples.distance);
     const double e = std::abs(trilinear - surface.at(p).distance);
     error.max = std::max(error.max, e);
     sum += e * e;
@@ -192,34 +201,31 @@ InterpolationError estimate_error(const SignedDistanceField& surface, const Latt
   return error;
 }
 
-Lattice::Lattice(const LatticeSamples& samples, Storage storage) : grid_(samples.grid), sign_(samples.sign) {
-  const std::size_t n = grid_.size();
-  if (n >= std::size_t{1} << 31)
+Lattice::Lattice(const LatticeSamples& samples, Storage storage)
+    : grid_(samples.grid), stored_(spread(grid_.n)), sign_(samples.sign) {
+  const auto& n = grid_.n;
+  const std::size_t places = Grid::number(stored_, {n[0], 0, 0});
+  if (places >= std::size_t{1} << 31)
     throw Error(ErrorKind::resource,
-                "a lattice of {} points is more than there are numbers for (2^31); use a larger spacing", n);
-  distance_.reserve(n);
-  closest_.reserve(n);
-  jets_.reserve(n);
-  for (int i = 0; i < grid_.n[0]; ++i)
-    for (int j = 0; j < grid_.n[1]; ++j)
-      for (int k = 0; k < grid_.n[2]; ++k) {
-        const std::size_t at = distance_.size();
-        distance_.push_back(static_cast<float>(samples.distance[at]));
-        closest_.push_back(samples.closest[at].cast<float>());
-        jets_.push_back({distance_.back(), gradient_at(samples, {i, j, k}).cast<float>()});
-      }
-  if (storage != Storage::float16) return;
-  quads_.reserve(n);
-  for (int i = 0; i < grid_.n[0]; ++i)
-    for (int j = 0; j < grid_.n[1]; ++j)
-      for (int k = 0; k < grid_.n[2]; ++k) {
-        std::uint64_t quad = 0;
-        for (unsigned m = 0; m < 4; ++m) {
-          const std::size_t at = grid_.number({std::min(i + static_cast<int>(m >> 1), grid_.n[0] - 1),
-                                               std::min(j + static_cast<int>(m & 1), grid_.n[1] - 1), k});
-          quad |= std::uint64_t{to_half(static_cast<float>(samples.distance[at] / grid_.h))} << 16 * m;
+                "a lattice of {} points is more than there are numbers for (2^31); use a larger spacing",
+                grid_.size());
+  distance_.resize(places);
+  closest_.resize(places);
+  jets_.resize(places);
+  if (storage == Storage::float16) quads_.resize(places);
+  for (int i = 0; i < n[0]; ++i)
+    for (int j = 0; j < n[1]; ++j)
+      for (int k = 0; k < n[2]; ++k) {
+        const std::size_t at = grid_.number({i, j, k}), to = Grid::number(stored_, {i, j, k});
+        distance_[to] = static_cast<float>(samples.distance[at]);
+        closest_[to] = samples.closest[at].cast<float>();
+        jets_[to] = {distance_[to], gradient_at(samples, {i, j, k}).cast<float>()};
+        for (unsigned m = 0; m < 4 && storage == Storage::float16; ++m) {
+          const double d =
+              samples.distance[grid_.number({std::min(i + static_cast<int>(m >> 1), n[0] - 1),
+                                             std::min(j + static_cast<int>(m & 1), n[1] - 1), k})];
+          quads_[to] |= std::uint64_t{to_half(static_cast<float>(d / grid_.h))} << 16 * m;
         }
-        quads_.push_back(quad);
       }
 }
 
@@ -228,6 +234,7 @@ BatchView Lattice::view() const noexcept {
                  quads_.empty() ? nullptr : quads_.data(),
                  &jets_.data()->distance,
                  grid_.n,
+                 stored_,
                  {},
                  static_cast<float>(grid_.h)};
   for (std::size_t a = 0; a < 3; ++a) view.origin[a] = static_cast<float>(grid_.origin[static_cast<int>(a)]);
@@ -274,7 +281,7 @@ LatticeSample Lattice::hermite(const Vec3& p) const noexcept {
 
 double Lattice::distance(const Vec3& p) const noexcept {
   const Box box = grid_.box();
-  const double d = Corners(grid_, p).mix(distance_);
+  const double d = Corners(grid_, stored_, p).mix(distance_);
   return box.contains(p) ? d : beyond(grid_, d, (p - p.cwiseMax(box.min).cwiseMin(box.max)).norm());
 }
 
@@ -283,7 +290,7 @@ LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
   std::array<double, 27> values;
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t j = 0; j < 3; ++j) {
-      const std::size_t row = grid_.number({spline.at[0][i], spline.at[1][j], 0});
+      const std::size_t row = Grid::number(stored_, {spline.at[0][i], spline.at[1][j], 0});
       for (std::size_t k = 0; k < 3; ++k)
         values[9 * i + 3 * j + k] =
             static_cast<double>(distance_[row + static_cast<std::size_t>(spline.at[2][k])]);
@@ -294,7 +301,7 @@ LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
 
 LatticeSample Lattice::sample(const Vec3& p) const noexcept {
   const Box box = grid_.box();
-  const Corners corners(grid_, p);
+  const Corners corners(grid_, stored_, p);
   const double d = corners.mix(distance_);
   Vec3 g = Vec3::Zero();
   for (std::size_t m = 0; m < 8; ++m) g += corners.weight[m] * jets_[corners.at[m]].gradient.cast<double>();
@@ -320,7 +327,7 @@ void Lattice::sample(std::span<const Vec3> points, std::span<LatticeSample> out)
 
 std::optional<Vec3> Lattice::closest(const Vec3& p) const noexcept {
   if (!grid_.box().contains(p)) return {};
-  const Corners corners(grid_, p);
+  const Corners corners(grid_, stored_, p);
   const auto farthest2 = static_cast<float>(4 * grid_.h * grid_.h);
   for (std::size_t a = 0; a < 8; ++a)
     for (std::size_t b = 0; b < a; ++b)

@@ -18,13 +18,15 @@ namespace palpate {
 
 // Regular grid: point (i, j, k) lies at origin + h (i, j, k) and has number (i*n[1] + j)*n[2] + k, z fastest.
 struct Grid {
-  Vec3 origin = Vec3::Zero();       // m
-  double h = 0;                     // m
-  std::array<std::int32_t, 3> n{};  // points along x, y, z; at least 2
+  using Points = std::array<std::int32_t, 3>;
+  Vec3 origin = Vec3::Zero();  // m
+  double h = 0;                // m
+  Points n{};                  // points along x, y, z; at least 2
 
   std::size_t size() const { return std::size_t(n[0]) * std::size_t(n[1]) * std::size_t(n[2]); }
   Vec3 point(int i, int j, int k) const { return origin + h * Vec3(i, j, k); }
-  std::size_t number(const std::array<std::int32_t, 3>& at) const {
+  std::size_t number(const Points& at) const { return number(n, at); }
+  static std::size_t number(const Points& n, const Points& at) {
     return (std::size_t(at[0]) * std::size_t(n[1]) + std::size_t(at[1])) * std::size_t(n[2]) +
            std::size_t(at[2]);
   }
@@ -75,8 +77,6 @@ class Lattice {
   enum class Storage : std::uint8_t { float32, float16 };
   explicit Lattice(const LatticeSamples& samples, Storage storage = Storage::float32);
   const Grid& grid() const { return grid_; }
-  std::span<const float> distances() const { return distance_; }
-  std::span<const Vec3f> closest_points() const { return closest_; }
   SignMethod sign() const { return sign_; }
 
   // Trilinear interpolation (T 5.2.2). Outside the box, where the surface is in it: continuous, never less
@@ -124,6 +124,7 @@ class Lattice {
   };
   BatchView view() const noexcept;
   Grid grid_;
+  Grid::Points stored_;  // places along x, y, z in what follows: the grid's or a few more
   HugeVector<float> distance_;
   HugeVector<Vec3f> closest_;
   HugeVector<Jet> jets_;

@@ -59,7 +59,7 @@ template <class Kernel>
     convert(cell, t);
     t = in - t;
     std::memcpy(cells.t[a] + slot, &t, sizeof t);
-    first = first * view.n[a] + cell;
+    first = first * view.stored[a] + cell;
   }
   std::memcpy(cells.first + slot, &first, sizeof first);
   std::memcpy(cells.outside + slot, &outside, sizeof outside);
@@ -68,8 +68,8 @@ template <class Kernel>
 // Asks for a cell's memory: `unit` bytes a grid point, `rows` rows of them.
 [[gnu::always_inline]] inline void prefetch(const BatchView& view, const char* base, std::size_t unit,
                                             std::size_t rows, const std::int32_t* first, std::size_t n) {
-  const auto row = static_cast<std::size_t>(view.n[2]) * unit,
-             sheet = row * static_cast<std::size_t>(view.n[1]);
+  const auto row = static_cast<std::size_t>(view.stored[2]) * unit,
+             sheet = row * static_cast<std::size_t>(view.stored[1]);
   for (std::size_t i = 0; i < n; ++i) {
     const char* at = base + static_cast<std::size_t>(first[i]) * unit;
     for (std::size_t m = 0; m < rows; ++m) __builtin_prefetch(at + (m >> 1) * sheet + (m & 1) * row, 0, 2);
@@ -121,7 +121,7 @@ struct Hermite {
   template <class Kernel, class V = typename Kernel::V>
   [[gnu::always_inline]] static inline void at(const BatchView& view, const std::int32_t* first, const V* t,
                                                bool slopes, Jets<V>& out) {
-    const std::ptrdiff_t row = view.n[2], sheet = row * view.n[1];
+    const std::ptrdiff_t row = view.stored[2], sheet = row * view.stored[1];
     V c[8][4];  // corner 4 i + 2 j + k: distance in units of h, gradient
     for (std::size_t m = 0; m < 8; ++m) {
       const auto bit = [&](unsigned b) { return static_cast<std::ptrdiff_t>(m >> b & 1); };
@@ -180,7 +180,7 @@ template <class Kernel, class Interpolant>
                                        const BatchOut& out) {
   constexpr std::size_t width = Kernel::width;
   const std::size_t ahead = std::min(most_ahead, (n + width - 1) / width * width);
-  const std::size_t grid = std::size_t(view.n[0]) * std::size_t(view.n[1]) * std::size_t(view.n[2]);
+  const std::size_t grid = std::size_t(view.n[0]) * std::size_t(view.stored[1]) * std::size_t(view.stored[2]);
   const std::size_t unit = Interpolant::unit(view);
   const bool ask = n > width && grid * unit > cache;
   Cells cells;

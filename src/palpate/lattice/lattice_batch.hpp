@@ -13,10 +13,11 @@ namespace palpate {
 enum class Interpolation : std::uint8_t { trilinear, hermite };
 
 struct BatchView {
-  const float* values = nullptr;         // z fastest, m
+  const float* values = nullptr;         // z fastest, in a grid of `stored` places, m
   const std::uint64_t* quads = nullptr;  // or null: see Lattice
   const float* jets = nullptr;           // for hermite: distance (m) and gradient of each grid point
   std::array<std::int32_t, 3> n{};
+  std::array<std::int32_t, 3> stored{};  // n, or more along y and z
   std::array<float, 3> origin{};
   float h = 0;
 };

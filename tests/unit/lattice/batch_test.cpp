@@ -101,6 +101,45 @@ TEST(LatticeBatch, Float16IsOffByAtMostOneInTwoThousand) {
     ASSERT_NEAR(a.distance[i], s.distance[i], 5e-4 * std::abs(s.distance[i]) + 1e-6);
 }
 
+// Such grids are stored with room between their rows: every form of query finds its places.
+TEST(LatticeBatch, LargeGridsAnswerAsThePlaneTheyHold) {
+  LatticeSamples s;
+  s.grid = {Vec3(-0.01, 0.02, 0.5), 1e-3, {37, 251, 256}};
+  const Vec3 normal = Vec3(2, -1, 3).normalized(), middle = s.grid.box().center();
+  for (int i = 0; i < s.grid.n[0]; ++i)
+    for (int j = 0; j < s.grid.n[1]; ++j)
+      for (int k = 0; k < s.grid.n[2]; ++k) {
+        const Vec3 p = s.grid.point(i, j, k);
+        s.distance.push_back(normal.dot(p - middle));
+        s.closest.push_back(p - s.distance.back() * normal);
+      }
+  std::mt19937_64 random(1);
+  std::vector<Vec3f> points;
+  for (int i = 0; i < 1000; ++i) points.push_back(test::random_in(s.grid.box(), random).cast<float>());
+  for (const auto storage : {Lattice::Storage::float32, Lattice::Storage::float16}) {
+    const Lattice lattice(s, storage);
+    for (const Simd simd : {Simd::portable, Simd::avx2, Simd::avx512})
+      for (const Interpolation how : {Interpolation::trilinear, Interpolation::hermite}) {
+        if (simd > best_simd()) continue;
+        const Answer a = ask(lattice, points, simd, how);
+        for (std::size_t i = 0; i < points.size(); ++i) {
+          const Vec3 p = points[i].cast<double>();
+          const double d = normal.dot(p - middle),
+                       allowed = storage == Lattice::Storage::float16 ? 1e-3 * std::abs(d) + 2e-6 : 1e-6;
+          ASSERT_NEAR(a.distance[i], d, allowed) << name(simd) << i;
+          ASSERT_NEAR(lattice.distance(p), d, 1e-7);
+          ASSERT_NEAR((lattice.sample(p).gradient - normal).norm(), 0, 1e-5);
+          if (s.grid.box().grown(-s.grid.h).contains(p)) {
+            ASSERT_NEAR(lattice.smooth(p).distance, d, 1e-7);
+          }
+          if (s.grid.box().contains(p - d * normal)) {
+            ASSERT_NEAR((a.closest[i].cast<double>() - (p - d * normal)).norm(), 0, 2e-6);
+          }
+        }
+      }
+  }
+}
+
 TEST(Half, RoundsToNearest) {
   for (std::uint32_t h = 0; h < 0x7c00u; ++h) {  // all finite ones, and what lies between
     const float x = from_half(static_cast<std::uint16_t>(h)),
