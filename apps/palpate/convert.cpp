@@ -145,7 +145,9 @@ class Conversion {
       surface(organ.surface);
     } else if (to_ == ".inp") {
       require_metres();
-      write_calculix(o_.output, organ.mesh, organ.materials, anchored_nodes(organ.mesh, organ.anchors), {});
+      const ElementNodes nodes = element_nodes(organ.mesh, organ.order);
+      write_calculix(o_.output, organ.mesh, nodes, organ.materials,
+                     with_middles(anchored_nodes(organ.mesh, organ.anchors), nodes), {});
     } else if (to_ == ".vtu" && to_unit_ == 1) {
       vtu_of(organ);
     } else if (is_one_of(to_, {".vtu", ".msh", ".mesh", ".vtk", ".node", ".ele", ".obj", ".stl", ".ply"})) {

@@ -104,15 +104,15 @@ void add_tool(std::string& deck, const TetMesh& mesh, const TriangleMesh& tool) 
 
 }  // namespace
 
-std::optional<StaticReference> calculix_static(const TetMesh& mesh, const std::vector<Material>& materials,
+std::optional<StaticReference> calculix_static(const TetMesh& mesh, const ElementNodes& nodes, const std::vector<Material>& materials,
                                                const std::vector<std::uint8_t>& anchored,
                                                const std::vector<Vec3>& forces) {
   if (!has_calculix()) return std::nullopt;
   const Folder folder;
-  write_calculix(folder.path / "job.inp", mesh, materials, anchored, forces);
+  write_calculix(folder.path / "job.inp", mesh, nodes, materials, anchored, forces);
   StaticReference result;
   const std::string dat = run(folder, result.seconds);
-  result.displacement = displacements(dat, mesh.nodes.size());
+  result.displacement = displacements(dat, nodes.size());
   result.reaction = last_block(dat, "total force (fx,fy,fz) for set ANCHOR", false).at(0);
   return result;
 }
@@ -121,7 +121,7 @@ std::optional<ContactReference> calculix_contact(const TetMesh& mesh, const std:
                                                  const std::vector<std::uint8_t>& anchored,
                                                  const TriangleMesh& tool, const Vec3& motion, double slope) {
   if (!has_calculix()) return std::nullopt;
-  std::string deck = calculix_model(mesh, materials, anchored);
+  std::string deck = calculix_model(mesh, element_nodes(mesh, 1), materials, anchored);
   add_tool(deck, mesh, tool);
   const auto out = std::back_inserter(deck);
   fmt::format_to(out, "*NSET, NSET=SKIN\n");

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "palpate/elasticity/element_nodes.hpp"
 #include "palpate/elasticity/material.hpp"
 #include "palpate/geometry/tet_mesh.hpp"
 #include "palpate/geometry/triangle_mesh.hpp"
@@ -19,7 +20,7 @@ struct StaticReference {
   Vec3 reaction;                   // of the anchor, N
   double seconds;                  // wall, of the whole job
 };
-std::optional<StaticReference> calculix_static(const TetMesh& mesh, const std::vector<Material>& materials,
+std::optional<StaticReference> calculix_static(const TetMesh& mesh, const ElementNodes& nodes, const std::vector<Material>& materials,
                                                const std::vector<std::uint8_t>& anchored,
                                                const std::vector<Vec3>& forces);
 

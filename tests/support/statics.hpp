@@ -46,14 +46,21 @@ inline void solve_statics(const Eigen::SparseMatrix<double>& stiffness, const st
     if (!fixed[i]) u[static_cast<Eigen::Index>(i)] = x[number[i]];
 }
 
-inline std::vector<Vec3> solve_statics(const TetMesh& mesh, const std::vector<Material>& materials,
+// anchored and force: one a node of `nodes`.
+inline std::vector<Vec3> solve_statics(const TetMesh& mesh, const ElementNodes& nodes,
+                                       const std::vector<Material>& materials,
                                        const std::vector<std::uint8_t>& anchored,
                                        const std::vector<Vec3>& force) {
   std::vector<bool> fixed;
   for (const std::uint8_t a : anchored) fixed.insert(fixed.end(), 3, a != 0);
   Vector u = Vector::Zero(static_cast<Eigen::Index>(fixed.size()));
-  solve_statics(assemble_stiffness(mesh, materials), fixed, flat(force), u);
+  solve_statics(assemble_stiffness(mesh, nodes, materials), fixed, flat(force), u);
   return unflat(u);
+}
+inline std::vector<Vec3> solve_statics(const TetMesh& mesh, const std::vector<Material>& materials,
+                                       const std::vector<std::uint8_t>& anchored,
+                                       const std::vector<Vec3>& force) {
+  return solve_statics(mesh, element_nodes(mesh, 1), materials, anchored, force);
 }
 
 }  // namespace palpate::test

@@ -13,7 +13,7 @@ namespace palpate {
 
 namespace {
 
-void require_sizes(const TetMesh& mesh, const std::vector<Material>& materials,
+void require_sizes(const TetMesh& mesh, const ElementNodes& nodes, const std::vector<Material>& materials,
                    const std::vector<std::uint8_t>& anchored) {
   require_valid(mesh, "CalculiX deck");
   if (materials.size() != mesh.region_names.size())
@@ -21,9 +21,9 @@ void require_sizes(const TetMesh& mesh, const std::vector<Material>& materials,
                 materials.size(), mesh.region_names.size());
   for (std::size_t r = 0; r < materials.size(); ++r)
     require_valid(materials[r], "region '" + mesh.region_names[r] + "'");
-  if (anchored.size() != mesh.nodes.size())
+  if (anchored.size() != nodes.size())
     throw Error(ErrorKind::internal, "CalculiX deck: anchor flags for {} nodes of {}", anchored.size(),
-                mesh.nodes.size());
+                nodes.size());
 }
 
 bool any(const std::vector<std::uint8_t>& flags) {
@@ -39,23 +39,27 @@ std::string printable(std::string name) {
 
 }  // namespace
 
-std::string calculix_model(const TetMesh& mesh, const std::vector<Material>& materials,
+std::string calculix_model(const TetMesh& mesh, const ElementNodes& nodes,
+ const std::vector<Material>& materials,
                            const std::vector<std::uint8_t>& anchored) {
-  require_sizes(mesh, materials, anchored);
+  require_sizes(mesh, nodes, materials, anchored);
   std::string deck;
   const auto out = std::back_inserter(deck);
   fmt::format_to(out, "** metres, newtons, pascals\n*NODE, NSET=NALL\n");
-  for (std::size_t i = 0; i < mesh.nodes.size(); ++i)
-    fmt::format_to(out, "{},{:.12e},{:.12e},{:.12e}\n", i + 1, mesh.nodes[i].x(), mesh.nodes[i].y(),
-                   mesh.nodes[i].z());
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    fmt::format_to(out, "{},{:.12e},{:.12e},{:.12e}\n", i + 1, nodes.positions[i].x(), nodes.positions[i].y(),
+                   nodes.positions[i].z());
   for (std::size_t r = 0; r < materials.size(); ++r) {
     const auto in_region = [&](Index region) { return region == static_cast<Index>(r); };
     if (std::none_of(mesh.regions.begin(), mesh.regions.end(), in_region)) continue;
-    fmt::format_to(out, "** {}\n*ELEMENT, TYPE=C3D4, ELSET=REGION{}\n", printable(mesh.region_names[r]),
-                   r + 1);
+    fmt::format_to(out, "** {}\n*ELEMENT, TYPE={}, ELSET=REGION{}\n", printable(mesh.region_names[r]),
+                   nodes.order == 1 ? "C3D4" : "C3D10", r + 1);
     for (std::size_t e = 0; e < mesh.tets.size(); ++e)
-      if (const Tetrahedron& t = mesh.tets[e]; in_region(mesh.regions[e]))
-        fmt::format_to(out, "{},{},{},{},{}\n", e + 1, t[0] + 1, t[1] + 1, t[2] + 1, t[3] + 1);
+      if (in_region(mesh.regions[e])) {
+        fmt::format_to(out, "{}", e + 1);
+        for (const Index v : nodes.of(e)) fmt::format_to(out, ",{}", v + 1);
+        fmt::format_to(out, "\n");
+      }
     fmt::format_to(out,
                    "*MATERIAL, NAME=MATERIAL{0}\n*ELASTIC\n{1:.12e},{2:.12e}\n*DENSITY\n{3:.12e}\n"
                    "*SOLID SECTION, ELSET=REGION{0}, MATERIAL=MATERIAL{0}\n",
@@ -71,12 +75,12 @@ std::string calculix_model(const TetMesh& mesh, const std::vector<Material>& mat
 }
 
 void write_calculix(const std::filesystem::path& path, const TetMesh& mesh,
-                    const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
+                    const ElementNodes& nodes, const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
                     const std::vector<Vec3>& forces) {
-  std::string deck = calculix_model(mesh, materials, anchored);
-  if (!forces.empty() && forces.size() != mesh.nodes.size())
+  std::string deck = calculix_model(mesh, nodes, materials, anchored);
+  if (!forces.empty() && forces.size() != nodes.size())
     throw Error(ErrorKind::internal, "CalculiX deck: {} forces for {} nodes", forces.size(),
-                mesh.nodes.size());
+                nodes.size());
   for (std::size_t i = 0; i < forces.size(); ++i)
     if (!forces[i].allFinite())
       throw Error(ErrorKind::physics, "CalculiX deck: force on node {} is no number", i);

@@ -34,11 +34,58 @@ std::array<Vec3, 4> corners_of(const TetMesh& mesh, const Tetrahedron& t) {
   return x;
 }
 
-// Entry (a, b) of the 3x3 block between two corners with gradients g and h. Swapping (g, a) with (h, b) swaps
-// factors only, never the order of sums: K(i,j) and K(j,i) are the same bits.
-double entry(const Vec3& g, const Vec3& h, int a, int b, double lambda_v, double mu_v) {
-  const double shear = a == b ? g[b] * h[a] + (g[0] * h[0] + g[1] * h[1] + g[2] * h[2]) : g[b] * h[a];
-  return lambda_v * (g[a] * h[b]) + mu_v * shear;
+// Gradients of a tetrahedron's shape functions at its quadrature points, all of the same weight: of four
+// nodes (linear) at one point, where they are constant, or of ten (quadratic) at four.
+template <std::size_t Nodes>
+struct Shape {
+  static constexpr std::size_t points = Nodes == 4 ? 1 : 4;
+  std::array<std::array<Vec3, points>, Nodes> g;  // 1/m
+
+  explicit Shape(const std::array<Vec3, 4>& linear) {
+    for (std::size_t q = 0; q < points; ++q) {
+      if constexpr (Nodes == 4) {
+        for (std::size_t i = 0; i < 4; ++i) g[i][q] = linear[i];
+      } else {
+        // Keast's rule of degree two: one barycentric coordinate is (5 + 3 sqrt 5) / 20, the others
+        // (5 - sqrt 5) / 20.
+        std::array<double, 4> l;
+        l.fill(0.13819660112501052);
+        l[q] = 0.58541019662496845;
+        for (std::size_t i = 0; i < 4; ++i) g[i][q] = (4 * l[i] - 1) * linear[i];
+        for (std::size_t e = 0; e < 6; ++e) {
+          const auto [a, b] = tet_edges[e];
+          g[4 + e][q] = 4 * (l[a] * linear[b] + l[b] * linear[a]);
+        }
+      }
+    }
+  }
+
+  // Entry (a, b) of the 3x3 block between nodes i and j, with Lame's parameters times the points' weight.
+  // Swapping (i, a) with (j, b) swaps factors only, never the order of sums: K(i, j) and K(j, i) are the same
+  // bits.
+  double entry(std::size_t i, std::size_t j, int a, int b, double lambda_w, double mu_w) const {
+    double direct = 0, crossed = 0, trace = 0;
+    for (std::size_t q = 0; q < points; ++q) {
+      const Vec3 &x = g[i][q], &y = g[j][q];
+      direct += x[a] * y[b], crossed += x[b] * y[a];
+      if (a == b) trace += x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    }
+    return lambda_w * direct + mu_w * (crossed + trace);
+  }
+};
+
+template <std::size_t Nodes>
+Eigen::Matrix<double, 3 * Nodes, 3 * Nodes> element_stiffness(const std::array<Vec3, 4>& corners,
+                                                              const Material& material) {
+  const Gradients linear = gradients(corners);
+  const Shape<Nodes> shape(linear.g);
+  const double weight = linear.volume / static_cast<double>(shape.points);
+  Eigen::Matrix<double, 3 * Nodes, 3 * Nodes> k;
+  for (int i = 0; i < k.rows(); ++i)
+    for (int j = 0; j < k.cols(); ++j)
+      k(i, j) = shape.entry(static_cast<std::size_t>(i / 3), static_cast<std::size_t>(j / 3), i % 3, j % 3,
+                            material.lambda() * weight, material.mu() * weight);
+  return k;
 }
 
 struct Element {
@@ -55,28 +102,26 @@ struct Lists {
   }
 };
 
-Lists tets_of_nodes(const TetMesh& mesh) {
-  Lists lists{std::vector<std::size_t>(mesh.nodes.size() + 1, 0), std::vector<Index>(4 * mesh.tets.size())};
-  for (const Tetrahedron& t : mesh.tets)
-    for (const Index v : t) ++lists.start[static_cast<std::size_t>(v) + 1];
-  for (std::size_t i = 0; i < mesh.nodes.size(); ++i) lists.start[i + 1] += lists.start[i];
+Lists tets_of_nodes(const ElementNodes& nodes) {
+  Lists lists{std::vector<std::size_t>(nodes.size() + 1, 0), std::vector<Index>(nodes.of_tets.size())};
+  for (const Index v : nodes.of_tets) ++lists.start[static_cast<std::size_t>(v) + 1];
+  for (std::size_t i = 0; i < nodes.size(); ++i) lists.start[i + 1] += lists.start[i];
   std::vector<std::size_t> next(lists.start.begin(), lists.start.end() - 1);
-  for (std::size_t e = 0; e < mesh.tets.size(); ++e)
-    for (const Index v : mesh.tets[e])
-      lists.items[next[static_cast<std::size_t>(v)]++] = static_cast<Index>(e);
+  for (std::size_t i = 0; i < nodes.of_tets.size(); ++i)
+    lists.items[next[static_cast<std::size_t>(nodes.of_tets[i])]++] = static_cast<Index>(i / nodes.per_tet());
   return lists;
 }
 
 // Nodes that share a tetrahedron with each node, itself included, ascending.
-Lists neighbours_of_nodes(const TetMesh& mesh, const Lists& tets_of) {
+Lists neighbours_of_nodes(const ElementNodes& nodes, const Lists& tets_of) {
   Lists lists;
-  lists.start.reserve(mesh.nodes.size() + 1);
+  lists.start.reserve(nodes.size() + 1);
   lists.start.push_back(0);
-  lists.items.reserve(16 * mesh.nodes.size());
-  std::vector<Index> seen_by(mesh.nodes.size(), -1);
-  for (std::size_t i = 0; i < mesh.nodes.size(); ++i) {
+  lists.items.reserve((nodes.order == 1 ? 16 : 30) * nodes.size());
+  std::vector<Index> seen_by(nodes.size(), -1);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
     for (const Index e : tets_of[i])
-      for (const Index v : mesh.tets[static_cast<std::size_t>(e)])
+      for (const Index v : nodes.of(static_cast<std::size_t>(e)))
         if (seen_by[static_cast<std::size_t>(v)] != static_cast<Index>(i)) {
           seen_by[static_cast<std::size_t>(v)] = static_cast<Index>(i);
           lists.items.push_back(v);
@@ -104,35 +149,12 @@ std::vector<Element> elements_of(const TetMesh& mesh, const std::vector<Material
   return elements;
 }
 
-}  // namespace
-
-ElementStiffness element_stiffness_p1(const std::array<Vec3, 4>& corners, const Material& material) {
-  const Gradients shape = gradients(corners);
-  const double lambda_v = material.lambda() * shape.volume, mu_v = material.mu() * shape.volume;
-  ElementStiffness k;
-  for (int i = 0; i < 12; ++i)
-    for (int j = 0; j < 12; ++j)
-      k(i, j) = entry(shape.g[static_cast<std::size_t>(i / 3)], shape.g[static_cast<std::size_t>(j / 3)],
-                      i % 3, j % 3, lambda_v, mu_v);
-  return k;
-}
-
-Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const std::vector<Material>& materials,
-                                               int threads) {
-  require_valid(mesh, "stiffness");
-  const std::vector<Element> elements = elements_of(mesh, materials, threads);
-  const Lists tets_of = tets_of_nodes(mesh), neighbours = neighbours_of_nodes(mesh, tets_of);
-  if (9 * neighbours.items.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
-    throw Error(ErrorKind::resource, "stiffness of {} nodes has more than 2^31 entries; use a coarser mesh",
-                mesh.nodes.size());
-
-  const auto n = static_cast<Eigen::Index>(3 * mesh.nodes.size());
-  Eigen::SparseMatrix<double> k(n, n);
-  k.resizeNonZeros(static_cast<Eigen::Index>(9 * neighbours.items.size()));
+// Column by column: each thread writes its own nodes' columns, each sum runs over tetrahedra ascending.
+template <std::size_t Nodes>
+void fill_columns(const ElementNodes& nodes, const std::vector<Element>& elements, const Lists& tets_of,
+                  const Lists& neighbours, int threads, Eigen::SparseMatrix<double>& k) {
   int* outer = k.outerIndexPtr();
-  outer[n] = static_cast<int>(9 * neighbours.items.size());
-  // Column by column: each thread writes its own nodes' columns, each sum runs over tetrahedra ascending.
-  parallel_for(mesh.nodes.size(), 256, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_for(nodes.size(), 256, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t j = begin; j < end; ++j) {
       const std::span<const Index> rows = neighbours[j];
       const std::size_t first = 9 * neighbours.start[j], height = 3 * rows.size();
@@ -145,21 +167,56 @@ Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const std::v
           for (int a = 0; a < 3; ++a) *inner++ = 3 * v + a;
       }
       for (const Index e : tets_of[j]) {
-        const Tetrahedron& t = mesh.tets[static_cast<std::size_t>(e)];
-        const auto& [shape, lambda_v, mu_v] = elements[static_cast<std::size_t>(e)];
+        const std::span<const Index> t = nodes.of(static_cast<std::size_t>(e));
+        const auto& [linear, lambda_v, mu_v] = elements[static_cast<std::size_t>(e)];
+        const Shape<Nodes> shape(linear.g);
+        const double weight = 1.0 / static_cast<double>(shape.points);
         const auto own =
             static_cast<std::size_t>(std::find(t.begin(), t.end(), static_cast<Index>(j)) - t.begin());
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t i = 0; i < Nodes; ++i) {
           const auto row =
               static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), t[i]) - rows.begin());
           for (std::size_t b = 0; b < 3; ++b)
             for (std::size_t a = 0; a < 3; ++a)
-              values[b * height + 3 * row + a] +=
-                  entry(shape.g[i], shape.g[own], static_cast<int>(a), static_cast<int>(b), lambda_v, mu_v);
+              values[b * height + 3 * row + a] += shape.entry(i, own, static_cast<int>(a), static_cast<int>(b),
+                                                              lambda_v * weight, mu_v * weight);
         }
       }
     }
   });
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 12, 12> element_stiffness_p1(const std::array<Vec3, 4>& corners,
+                                                   const Material& material) {
+  return element_stiffness<4>(corners, material);
+}
+
+Eigen::Matrix<double, 30, 30> element_stiffness_p2(const std::array<Vec3, 4>& corners,
+                                                   const Material& material) {
+  return element_stiffness<10>(corners, material);
+}
+
+Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const std::vector<Material>& materials,
+                                               int threads) {
+  return assemble_stiffness(mesh, element_nodes(mesh, 1), materials, threads);
+}
+
+Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const ElementNodes& nodes,
+                                               const std::vector<Material>& materials, int threads) {
+  require_valid(mesh, "stiffness");
+  const std::vector<Element> elements = elements_of(mesh, materials, threads);
+  const Lists tets_of = tets_of_nodes(nodes), neighbours = neighbours_of_nodes(nodes, tets_of);
+  if (9 * neighbours.items.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    throw Error(ErrorKind::resource, "stiffness of {} nodes has more than 2^31 entries; use a coarser mesh",
+                nodes.size());
+  const auto n = static_cast<Eigen::Index>(3 * nodes.size());
+  Eigen::SparseMatrix<double> k(n, n);
+  k.resizeNonZeros(static_cast<Eigen::Index>(9 * neighbours.items.size()));
+  k.outerIndexPtr()[n] = static_cast<int>(9 * neighbours.items.size());
+  const auto fill = nodes.order == 1 ? fill_columns<4> : fill_columns<10>;
+  fill(nodes, elements, tets_of, neighbours, threads, k);
   return k;
 }
 

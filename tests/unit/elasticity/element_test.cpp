@@ -41,7 +41,7 @@ double energy(const Corners& x, const Material& m, const Eigen::Matrix<double, 1
 TEST(Element, IsTheSecondDifferenceOfTheStrainEnergy) {
   const Material m{10e3, 0.4};
   for (const Corners& x : some_tets()) {
-    const ElementStiffness k = element_stiffness_p1(x, m);
+    const auto k = element_stiffness_p1(x, m);
     const double step = 0.01;
     for (int i = 0; i < 12; ++i)
       for (int j = 0; j < 12; ++j) {
@@ -83,9 +83,9 @@ TEST(Element, IsTheIntegralOfTheTextbook) {
       b.block<6, 3>(0, 3 * i) << g[0], 0, 0, 0, g[1], 0, 0, 0, g[2], g[1], g[0], 0, 0, g[2], g[1], g[2], 0,
           g[0];
     }
-    ElementStiffness integral = ElementStiffness::Zero();
+    Eigen::Matrix<double, 12, 12> integral = Eigen::Matrix<double, 12, 12>::Zero();
     for (int point = 0; point < 4; ++point) integral += six_volume / 24 * b.transpose() * elastic * b;
-    const ElementStiffness k = element_stiffness_p1(x, m);
+    const auto k = element_stiffness_p1(x, m);
     EXPECT_LT((k - integral).cwiseAbs().maxCoeff(), 1e-11 * k.cwiseAbs().maxCoeff());
   }
 }
