@@ -40,6 +40,7 @@ struct PrecomputeOptions {
   std::string unit = "m";
   std::vector<std::string> materials;  // REGION=E,nu[,density]
   std::vector<std::string> anchors;    // grammar of parse_anchor, lengths in file units
+  int order = 2;                       // of the tetrahedra: 1 or 2
   std::string storage = "auto";        // auto | dense | half | factored | hierarchical
   double tolerance = 1e-3;             // of the hierarchical storage
   std::string memory;                  // limit, "4G"; empty: what is free

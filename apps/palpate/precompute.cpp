@@ -88,11 +88,11 @@ std::size_t parse_memory(const std::string& text) {
 
 void run_precompute(const PrecomputeOptions& options, const Console& console) {
   const double unit = unit_in_metres(options.unit);
-  const StorageOptions storage{parse_storage(options.storage), options.tolerance,
+  const BakeOptions bake_options{options.order, parse_storage(options.storage), options.tolerance,
                                parse_memory(options.memory)};
-  if (!(storage.tolerance >= smallest_tolerance && storage.tolerance < 1))
+  if (!(bake_options.tolerance >= smallest_tolerance && bake_options.tolerance < 1))
     throw Error(ErrorKind::usage, "--tolerance {}: {} to 1; for exact compliances use --storage factored",
-                storage.tolerance, smallest_tolerance);
+                bake_options.tolerance, smallest_tolerance);
   Timer timer = wall_timer();
   TetFile file = read_tets(options.input, unit);
   if (file.inverted)
@@ -112,9 +112,9 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
   {
     const Progress progress = console.progress("precompute");
     organ = bake(std::move(file.mesh), std::move(materials), std::move(anchors), console.threads, progress,
-                 &r, storage);
+                 &r, bake_options);
   }
-  stage_line(console, "stiffness", fmt::format("{} unknowns", 3 * r.nodes), r.assemble_seconds, 0);
+  stage_line(console, "stiffness", fmt::format("{} unknowns, {} tetrahedra", 3 * r.nodes, options.order == 1 ? "linear" : "quadratic"), r.assemble_seconds, 0);
   stage_line(console, "factor",
              fmt::format("{} entries of L, ordered in {}", r.factor_entries, human_time(r.order_seconds)),
              r.factor_seconds, 8 * r.factor_entries);
@@ -136,6 +136,7 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
   console.object({{"model", options.output.string()},
                   {"nodes", r.nodes},
                   {"tets", r.tets},
+                  {"order", organ.order},
                   {"surface_nodes", r.surface_nodes},
                   {"free_surface_nodes", r.free_surface_nodes},
                   {"factor_entries", r.factor_entries},

@@ -35,8 +35,42 @@ NodeGraph node_graph(const Eigen::SparseMatrix<double>& matrix) {
   return graph;
 }
 
+NodeGraph node_graph(const Eigen::SparseMatrix<double>& matrix, const Eigen::SparseMatrix<double>& loads) {
+  const NodeGraph own = node_graph(matrix);
+  const std::size_t nodes = own.nodes();
+  std::vector<std::vector<Index>> touched(static_cast<std::size_t>(loads.cols()) / 3), loads_of(nodes);
+  for (std::size_t j = 0; j < touched.size(); ++j) {
+    for (Index a = 0; a < 3; ++a)
+      for (Eigen::SparseMatrix<double>::InnerIterator it(loads, 3 * static_cast<Index>(j) + a); it; ++it)
+        touched[j].push_back(static_cast<Index>(it.row() / 3));
+    std::sort(touched[j].begin(), touched[j].end());
+    touched[j].erase(std::unique(touched[j].begin(), touched[j].end()), touched[j].end());
+    for (const Index node : touched[j])
+      loads_of[static_cast<std::size_t>(node)].push_back(static_cast<Index>(j));
+  }
+  NodeGraph graph;
+  graph.begin.push_back(0);
+  graph.neighbours.reserve(own.neighbours.size());
+  std::vector<Index> seen(nodes, -1);
+  for (Index i = 0; i < static_cast<Index>(nodes); ++i) {
+    seen[static_cast<std::size_t>(i)] = i;
+    const auto add = [&](std::span<const Index> list) {
+      for (const Index n : list)
+        if (std::exchange(seen[static_cast<std::size_t>(n)], i) != i) graph.neighbours.push_back(n);
+    };
+    add(own.of(i));
+    for (const Index j : loads_of[static_cast<std::size_t>(i)]) add(touched[static_cast<std::size_t>(j)]);
+    std::sort(graph.neighbours.begin() + graph.begin.back(), graph.neighbours.end());
+    graph.begin.push_back(static_cast<Index>(graph.neighbours.size()));
+  }
+  return graph;
+}
+
 std::vector<Index> nested_dissection(const Eigen::SparseMatrix<double>& matrix) {
-  NodeGraph graph = node_graph(matrix);
+  return nested_dissection(node_graph(matrix));
+}
+
+std::vector<Index> nested_dissection(NodeGraph graph) {
   std::vector<Index> order(graph.nodes()), inverse(graph.nodes());
   std::iota(order.begin(), order.end(), 0);
   // Nothing to gain on so few, and METIS is not at ease without edges.

@@ -21,9 +21,13 @@ struct NodeGraph {
   }
 };
 NodeGraph node_graph(const Eigen::SparseMatrix<double>& matrix);
+// The same, and the nodes that the columns 3 j, 3 j + 1, 3 j + 2 of `loads` touch coupled with each other, as
+// factor_compliance wants them.
+NodeGraph node_graph(const Eigen::SparseMatrix<double>& matrix, const Eigen::SparseMatrix<double>& loads);
 
-// Order of elimination of the nodes (3 unknowns each) of a symmetric matrix: order[k] is eliminated k-th.
+// Order of elimination of a graph's nodes: order[k] is eliminated k-th.
 // Reproducible: METIS uses the global rand(), which is seeded under a mutex.
+std::vector<Index> nested_dissection(NodeGraph graph);
 std::vector<Index> nested_dissection(const Eigen::SparseMatrix<double>& matrix);
 
 }  // namespace palpate

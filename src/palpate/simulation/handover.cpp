@@ -201,7 +201,7 @@ class HandoverReader {
     in_.require_line_end();
     in_.move_to(matrix_at);
     matrix();
-    organ_.areas = vertex_areas(organ_.surface);
+    set_readings(organ_);
     return std::move(organ_);
   }
 

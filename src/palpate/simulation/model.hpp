@@ -83,6 +83,7 @@ struct DeleteScratch {
 
 struct State {
   std::vector<Vec3f> displacement;  // of the surface nodes from rest, organ frame, m
+  std::vector<Vec3f> reading;       // of the organ's contact points; of linear tetrahedra the same
   std::vector<Contact> contacts;    // of this tick: the nodes with a force
   std::vector<Wrench> wrenches;     // one an instrument
   double deepest_before = 0;        // m, largest penetration of a node at rest, >= 0

@@ -15,7 +15,7 @@
 namespace palpate {
 
 std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& materials,
-                         const std::vector<Anchor>& anchors) {
+                         const std::vector<Anchor>& anchors, int order) {
   Hash hash;
   for (const Vec3& p : mesh.nodes) hash.add_bytes(p.data(), sizeof(double) * 3);
   hash.add(std::span<const Tetrahedron>(mesh.tets));
@@ -28,7 +28,14 @@ std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& mater
     const std::string text = to_string(a);
     hash.add_bytes(text.data(), text.size() + 1);
   }
+  if (order != 1) hash.add_bytes(&order, sizeof order);
   return hash.value();
+}
+
+void set_readings(Organ& organ) {
+  organ.areas = vertex_areas(organ.surface);
+  organ.contact_points = organ.order == 1 ? organ.surface.vertices : hat_centroids(organ.surface);
+  if (organ.order == 2) organ.projection = HatProjection(organ.surface, organ.row_of);
 }
 
 namespace {
@@ -38,7 +45,6 @@ void set_surface(Organ& organ, const std::vector<std::uint8_t>& anchored) {
   Boundary outer = boundary(organ.mesh);
   organ.surface = std::move(outer.surface);
   organ.surface_nodes = std::move(outer.nodes);
-  organ.areas = vertex_areas(organ.surface);
   organ.row_of.assign(organ.surface_size(), -1);
   organ.node_of_row.clear();
   for (std::size_t i = 0; i < organ.surface_size(); ++i) {
@@ -49,6 +55,7 @@ void set_surface(Organ& organ, const std::vector<std::uint8_t>& anchored) {
   if (organ.node_of_row.empty())
     throw Error(ErrorKind::physics,
                 "every surface node is anchored; nothing can move: anchor a smaller part");
+  set_readings(organ);
 }
 
 // Peak bytes of the process while it bakes to each storage and writes it, from the structure alone.
@@ -64,7 +71,7 @@ std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::S
           std::max(factor, y + compress_bytes(outline, positions, tolerance, threads))};
 }
 
-Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOptions& options,
+Storage choose_storage(const std::array<std::size_t, 4>& need, const BakeOptions& options,
                        std::size_t rows) {
   const std::size_t free = available_bytes() + resident_bytes();
   const std::size_t have = options.memory ? std::min(options.memory, free) : free;
@@ -87,12 +94,13 @@ Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOpti
 }
 
 // The likely cause, from the tetrahedra at the node. Anchors and inverted tetrahedra were checked before.
-[[noreturn]] void explain_pivot(const Organ& organ, Index node) {
+[[noreturn]] void explain_pivot(const Organ& organ, const ElementNodes& nodes, Index node) {
   double poisson = -1, flattest = 1;  // 1: regular
   Index flat = -1;
   for (std::size_t t = 0; t < organ.mesh.tets.size(); ++t) {
     const Tetrahedron& tet = organ.mesh.tets[t];
-    if (std::find(tet.begin(), tet.end(), node) == tet.end()) continue;
+    const auto of = nodes.of(t);
+    if (std::find(of.begin(), of.end(), node) == of.end()) continue;
     poisson = std::max(poisson, organ.materials[static_cast<std::size_t>(organ.mesh.regions[t])].poisson);
     double edge = 0;
     std::array<Vec3, 4> x;
@@ -103,7 +111,7 @@ Storage choose_storage(const std::array<std::size_t, 4>& need, const StorageOpti
         std::sqrt(2.0) * (x[1] - x[0]).cross(x[2] - x[0]).dot(x[3] - x[0]) / (edge * edge * edge);
     if (shape < flattest) flattest = shape, flat = static_cast<Index>(t);
   }
-  const Vec3 at = organ.mesh.nodes[static_cast<std::size_t>(node)];
+  const Vec3 at = nodes.positions[static_cast<std::size_t>(node)];
   const std::string where =
       fmt::format("the stiffness is not positive definite at node {} ({:.5g} {:.5g} {:.5g} m)", node, at.x(),
                   at.y(), at.z());
@@ -139,40 +147,51 @@ Compliance store(Factored<float> y, Storage storage, const std::vector<Vec3>& po
   return Compliance::dense(std::move(c), n / 3);
 }
 
+// A unit force on each row: on its node, or spread as its hat.
+Eigen::SparseMatrix<double> loads_of(const Organ& organ, const ElementNodes& nodes, const FreeStiffness& k) {
+  if (organ.order == 2)
+    return hat_loads(organ.surface, organ.surface_nodes, nodes, k.free_of, organ.node_of_row);
+  std::vector<Index> loaded;
+  for (const Index node : organ.node_of_row)
+    loaded.push_back(
+        k.free_of[static_cast<std::size_t>(organ.surface_nodes[static_cast<std::size_t>(node)])]);
+  return unit_loads(k.node_of.size(), loaded);
+}
+
 }  // namespace
 
 Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads,
-           const Progress& progress, BakeReport* report, const StorageOptions& options) {
+           const Progress& progress, BakeReport* report, const BakeOptions& options) {
   BakeReport own;
   BakeReport& r = report ? *report : own;
   Organ organ;
   organ.mesh = std::move(mesh);
   organ.materials = std::move(materials);
   organ.anchors = std::move(anchors);
-  require_valid(organ.mesh, "mesh");
+  organ.order = options.order;
+  const ElementNodes nodes = element_nodes(organ.mesh, organ.order);
   const std::vector<std::uint8_t> anchored = anchored_nodes(organ.mesh, organ.anchors);
   set_surface(organ, anchored);
-  organ.hash = organ_hash(organ.mesh, organ.materials, organ.anchors);
-  r.nodes = organ.mesh.nodes.size(), r.tets = organ.mesh.tets.size();
+  organ.hash = organ_hash(organ.mesh, organ.materials, organ.anchors, organ.order);
+  r.nodes = nodes.size(), r.tets = organ.mesh.tets.size();
   r.surface_nodes = organ.surface_size(), r.free_surface_nodes = organ.node_of_row.size();
 
   Timer timer = wall_timer();
-  const FreeStiffness k = remove_anchored(assemble_stiffness(organ.mesh, organ.materials), anchored);
+  const FreeStiffness k =
+      remove_anchored(assemble_stiffness(organ.mesh, nodes, organ.materials, threads), with_middles(anchored, nodes));
   r.assemble_seconds = timer.seconds();
   progress.at(0.02);
 
-  std::vector<Index> nodes;
   std::vector<Vec3> positions;
-  for (const Index node : organ.node_of_row) {
-    nodes.push_back(k.free_of[static_cast<std::size_t>(organ.surface_nodes[static_cast<std::size_t>(node)])]);
-    positions.push_back(organ.surface.vertices[static_cast<std::size_t>(node)]);
-  }
-  const Eigen::SparseMatrix<double> loads = unit_loads(static_cast<std::size_t>(k.matrix.cols()) / 3, nodes);
+  for (const Index node : organ.node_of_row)
+    positions.push_back(organ.contact_points[static_cast<std::size_t>(node)]);
+  const Eigen::SparseMatrix<double> loads = loads_of(organ, nodes, k);
 
   timer = wall_timer();
-  Symbolic symbolic = analyse(node_graph(k.matrix), nested_dissection(k.matrix));
+  const NodeGraph graph = node_graph(k.matrix, loads);
+  Symbolic symbolic = analyse(graph, nested_dissection(graph));
   const Storage storage = choose_storage(bytes_needed(symbolic, loads, positions, options.tolerance, threads),
-                                         options, nodes.size());
+                                         options, positions.size());
   r.order_seconds = timer.seconds();
   progress.at(0.05);
 
@@ -185,7 +204,7 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
     timer = wall_timer();
     y = factor_compliance<float>(factor, loads, threads, part(progress, 0.2, 0.4));
   } catch (const NotPositiveDefinite& e) {
-    explain_pivot(organ, k.node_of[static_cast<std::size_t>(e.node())]);
+    explain_pivot(organ, nodes, k.node_of[static_cast<std::size_t>(e.node())]);
   }
   organ.compliance =
       store(std::move(y), storage, positions, options.tolerance, threads, part(progress, 0.4, 1));

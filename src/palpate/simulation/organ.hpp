@@ -9,6 +9,7 @@
 #include "palpate/base/progress.hpp"
 #include "palpate/compliance/compliance.hpp"
 #include "palpate/elasticity/anchor.hpp"
+#include "palpate/elasticity/hats.hpp"
 #include "palpate/elasticity/material.hpp"
 #include "palpate/geometry/tet_mesh.hpp"
 
@@ -16,16 +17,21 @@ namespace palpate {
 
 // Immutable after bake() or read_organ().
 struct Organ {
+  int order = 1;                    // of the tetrahedra: 1 linear, 2 quadratic (straight-sided)
   TetMesh mesh;                     // at rest, m
   std::vector<Material> materials;  // one a region
   std::vector<Anchor> anchors;      // as given
   TriangleMesh surface;  // boundary of the mesh, at rest; its vertices are the surface nodes, numbered 0..s-1
   std::vector<Index> surface_nodes;  // mesh node of each surface node; size s
+  // Where each surface node's displacement is read and its force acts, at rest, m: the node itself, or of
+  // quadratic tetrahedra the centroid of its hat, over which the force is spread and the displacement a mean.
+  std::vector<Vec3> contact_points;
+  HatProjection projection;          // from those means to the surface nodes; of quadratic tetrahedra
   std::vector<double> areas;         // m2, a third of the adjacent triangles; size s
   std::vector<Index> row_of;         // row of each surface node in the compliance, -1: anchored; size s
   std::vector<Index> node_of_row;    // surface node of each row; size compliance.nodes()
-  Compliance compliance;             // between the free surface nodes, m/N
-  std::uint64_t hash = 0;            // of mesh, materials and anchors: what the compliance was computed from
+  Compliance compliance;             // between the free contact points, m/N
+  std::uint64_t hash = 0;  // of mesh, materials, anchors and order: what the compliance was computed from
 
   std::size_t surface_size() const { return surface.vertices.size(); }
 };
@@ -35,8 +41,9 @@ struct BakeReport {
   double assemble_seconds = 0, order_seconds = 0, factor_seconds = 0, sweep_seconds = 0;  // wall
 };
 
-// How the compliance is kept (docs/compliance.md).
-struct StorageOptions {
+// What tetrahedra, and how the compliance is kept (docs/elasticity.md, docs/compliance.md).
+struct BakeOptions {
+  int order = 2;                                    // 1: linear, 2: quadratic tetrahedra
   std::optional<Storage> storage = Storage::dense;  // none: by size and memory
   double tolerance = 1e-3;                          // of the hierarchical storage
   std::size_t memory = 0;                           // bytes that baking may take; 0: what is free
@@ -44,10 +51,13 @@ struct StorageOptions {
 
 // Throws Error(geometry | physics | resource); memory is checked before the work starts.
 Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads = 0,
-           const Progress& progress = {}, BakeReport* report = nullptr, const StorageOptions& storage = {});
+           const Progress& progress = {}, BakeReport* report = nullptr, const BakeOptions& options = {});
 
 std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& materials,
-                         const std::vector<Anchor>& anchors);
+                         const std::vector<Anchor>& anchors, int order);
+
+// What follows from the rest of the organ: contact_points, projection and areas.
+void set_readings(Organ& organ);
 
 // HDF5, container kind "model". read_organ checks
 // sizes, indices and the hash; verify: checksums of the big arrays too.

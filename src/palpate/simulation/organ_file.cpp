@@ -13,7 +13,7 @@ namespace palpate {
 
 namespace {
 
-constexpr int model_version = 1;
+constexpr int model_version = 2;  // 1 had no order: linear
 
 std::vector<double> flat(std::span<const Vec3> points) {
   std::vector<double> out;
@@ -59,9 +59,11 @@ class ModelReader {
     organ.surface.triangles = cells<3>("surface/triangles", organ.surface.vertices.size());
     organ.surface_nodes = in_.vector<Index>("surface/nodes");
     organ.row_of = in_.vector<Index>("surface/rows");
+    organ.order = in_.version() < 2 ? 1 : static_cast<int>(in_.integer("order"));
+    require(organ.order == 1 || organ.order == 2, "the tetrahedra are neither linear nor quadratic");
     organ.hash = static_cast<std::uint64_t>(in_.integer("hash"));
     check(organ);
-    organ.areas = vertex_areas(organ.surface);
+    set_readings(organ);
     organ.compliance = read_compliance(in_, path_.string(), organ.node_of_row.size(), verify_, progress_);
     return organ;
   }
@@ -113,7 +115,7 @@ class ModelReader {
     require(!organ.node_of_row.empty(), "no surface node can move");
     if (!organ.mesh.tets.empty()) {
       require_valid(organ.mesh, path_.string());
-      require(organ.hash == organ_hash(organ.mesh, organ.materials, organ.anchors),
+      require(organ.hash == organ_hash(organ.mesh, organ.materials, organ.anchors, organ.order),
               "mesh, materials or anchors are not those the compliance was computed from");
     }
   }
@@ -131,6 +133,7 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
   ContainerWriter out(path, "model", model_version);
   out.attribute("provenance", provenance);
   out.attribute("hash", static_cast<std::int64_t>(organ.hash));
+  out.attribute("order", static_cast<std::int64_t>(organ.order));
   out.attribute("region_names", fmt::format("{}", fmt::join(organ.mesh.region_names, "\n")));
   std::vector<std::string> anchors;
   for (const Anchor& a : organ.anchors) anchors.push_back(to_string(a));

@@ -207,7 +207,9 @@ Organ read_organ_table(Table organ, int threads, const Progress& progress) {
     std::vector<Material> materials = read_materials(organ, mesh.region_names);
     std::vector<Anchor> anchors;
     for (const std::string& text : organ.texts("anchors")) anchors.push_back(parse_anchor(text, unit));
-    out = bake(std::move(mesh), std::move(materials), std::move(anchors), threads, progress);
+    BakeOptions options;
+    options.order = static_cast<int>(organ.whole("order", 2, 1, 2));
+    out = bake(std::move(mesh), std::move(materials), std::move(anchors), threads, progress, nullptr, options);
   }
   organ.no_other_keys();
   return out;

@@ -15,7 +15,10 @@ struct StepScratch {
       : compliance(model.organ.compliance.with_work()),
         solver(most, compliance.nodes()),
         capacity(most),
-        positions(model.organ.surface.vertices) {}
+        positions(model.organ.contact_points),
+        means(model.organ.projection.rows(), Eigen::Vector4f::Zero()),
+        drawn(means.size()),
+        work(2 * means.size()) {}
 
   // The model's own, in case another organ has been put into it since.
   const Compliance& compliance_of(const Model& model) const {
@@ -26,7 +29,7 @@ struct StepScratch {
   ContactSolver solver;
   std::size_t capacity;
   Clusters free, anchored;      // nodes that can move, and those that cannot
-  std::vector<Vec3> positions;  // deformed surface nodes, organ frame, m
+  std::vector<Vec3> positions;  // deformed contact points, organ frame, m
   std::vector<ClusterBall> rest_balls, balls, anchored_balls;
   Box rest_box, box, anchored_box;
   std::vector<PlacedShape> shapes;            // instruments in the organ's frame
@@ -34,6 +37,7 @@ struct StepScratch {
   std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
   std::vector<Index> rows;                    // of the nodes with forces
   std::vector<float> forces, u;               // 3 a row
+  std::vector<Eigen::Vector4f> means, drawn, work;  // for the projection onto the surface nodes
   double size = 0, tolerance = 0, reach = 0;  // m
 };
 
@@ -58,12 +62,12 @@ State make_state(const Model& model) {
   std::vector<Index> anchored;
   for (std::size_t i = 0; i < s; ++i)
     if (organ.row_of[i] < 0) anchored.push_back(static_cast<Index>(i));
-  w.free = Clusters(organ.surface.vertices, organ.node_of_row);
-  w.anchored = Clusters(organ.surface.vertices, anchored);
+  w.free = Clusters(organ.contact_points, organ.node_of_row);
+  w.anchored = Clusters(organ.contact_points, anchored);
   w.rest_balls.resize(w.free.size());
   w.anchored_balls.resize(w.anchored.size());
-  w.rest_box = w.box = bound_clusters(w.free, organ.surface.vertices, w.rest_balls);
-  w.anchored_box = bound_clusters(w.anchored, organ.surface.vertices, w.anchored_balls);
+  w.rest_box = w.box = bound_clusters(w.free, organ.contact_points, w.rest_balls);
+  w.anchored_box = bound_clusters(w.anchored, organ.contact_points, w.anchored_balls);
   w.balls = w.rest_balls;
   w.shapes.reserve(instruments);
   w.points.reserve(w.capacity);
@@ -77,6 +81,7 @@ State make_state(const Model& model) {
   for (const double a : organ.areas) area += a;
   w.reach = 0.25 * std::sqrt(area / static_cast<double>(s));
   state.displacement.assign(s, Vec3f::Zero());
+  state.reading = state.displacement;
   state.contacts.reserve(std::max(w.capacity, s));
   state.wrenches.assign(instruments, Wrench{});
   return state;
@@ -117,8 +122,8 @@ bool add_point(const Model& model, const State& state, StepScratch& w, Index nod
   place = static_cast<Index>(w.points.size());
   ContactPoint c;
   c.node = node, c.row = model.organ.row_of[n], c.instrument = static_cast<Index>(instrument);
-  c.rest = model.organ.surface.vertices[n];
-  c.u = state.displacement[n].cast<double>();
+  c.rest = model.organ.contact_points[n];
+  c.u = state.reading[n].cast<double>();
   c.force = force;
   w.points.push_back(c);
   return true;
@@ -154,9 +159,9 @@ void detect(const Model& model, State& state, const Eigen::Quaterniond& last_fra
 void detect_at_rest(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
-  std::fill(state.displacement.begin(), state.displacement.end(), Vec3f::Zero());
+  std::fill(state.reading.begin(), state.reading.end(), Vec3f::Zero());
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_nodes(w.free, w.rest_balls, w.rest_box, model.organ.surface.vertices, w.shapes[i], 0.0,
+    near_nodes(w.free, w.rest_balls, w.rest_box, model.organ.contact_points, w.shapes[i], 0.0,
                [&](Index node, double) {
                  for (std::size_t other = 0; other < i; ++other)
                    if (w.point_of[other * model.organ.surface_size() + static_cast<std::size_t>(node)] >= 0)
@@ -165,10 +170,36 @@ void detect_at_rest(const Model& model, State& state) {
                });
 }
 
-// u = C f on the whole surface, and where its nodes are now.
-void deform(const Model& model, State& state) {
+// What C f says of the contact points, and where they are now.
+void take_up(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   const Organ& organ = model.organ;
+  for (std::size_t r = 0; r < organ.compliance.nodes(); ++r) {
+    const auto node = static_cast<std::size_t>(organ.node_of_row[r]);
+    const Vec3f u(w.u[3 * r], w.u[3 * r + 1], w.u[3 * r + 2]);
+    state.reading[node] = u;
+    w.positions[node] = organ.contact_points[node] + u.cast<double>();
+  }
+}
+
+// The surface nodes' displacement from what was read at the contact points.
+void project(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  const Organ& organ = model.organ;
+  if (organ.order == 1) {
+    std::copy(state.reading.begin(), state.reading.end(), state.displacement.begin());
+    return;
+  }
+  for (std::size_t r = 0; r < w.means.size(); ++r)
+    w.means[r].head<3>() = state.reading[static_cast<std::size_t>(organ.node_of_row[r])];
+  organ.projection(w.means, w.drawn, w.work);
+  for (std::size_t r = 0; r < w.means.size(); ++r)
+    state.displacement[static_cast<std::size_t>(organ.node_of_row[r])] = w.drawn[r].head<3>();
+}
+
+// u = C f on the whole surface.
+void deform(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
   w.rows.clear();
   w.forces.clear();
   for (const ContactPoint& c : w.points) {
@@ -180,12 +211,7 @@ void deform(const Model& model, State& state) {
   for (const ContactPoint& c : w.points)  // these are known in float64
     for (int a = 0; a < 3; ++a)
       w.u[3 * static_cast<std::size_t>(c.row) + static_cast<std::size_t>(a)] = static_cast<float>(c.u[a]);
-  for (std::size_t r = 0; r < organ.compliance.nodes(); ++r) {
-    const auto node = static_cast<std::size_t>(organ.node_of_row[r]);
-    const Vec3f u(w.u[3 * r], w.u[3 * r + 1], w.u[3 * r + 2]);
-    state.displacement[node] = u;
-    w.positions[node] = organ.surface.vertices[node] + u.cast<double>();
-  }
+  take_up(model, state);
   w.box = bound_clusters(w.free, w.positions, w.balls);
 }
 
@@ -247,7 +273,7 @@ void gaussian(const Model& model, State& state) {
     double sum = 0;
     for (const Index node : w.free.nodes) {
       const auto n = static_cast<std::size_t>(node);
-      const double r2 = (model.organ.surface.vertices[n] - centre).squaredNorm() / (radius * radius);
+      const double r2 = (model.organ.contact_points[n] - centre).squaredNorm() / (radius * radius);
       if (r2 > 9 || w.rows.size() >= static_cast<std::size_t>(w.rows.capacity())) continue;
       const double weight = model.organ.areas[n] * std::exp(-0.5 * r2);
       sum += weight;
@@ -271,9 +297,8 @@ void gaussian(const Model& model, State& state) {
     state.wrenches[i] = {
         state.organ.rotation * (w.shapes[i].to_organ.rotation * Vec3(0, 0, model.settings.gaussian_force)),
         Vec3::Zero()};
-  for (std::size_t r = 0; r < model.organ.compliance.nodes(); ++r)
-    state.displacement[static_cast<std::size_t>(model.organ.node_of_row[r])] =
-        Vec3f(w.u[3 * r], w.u[3 * r + 1], w.u[3 * r + 2]);
+  take_up(model, state);
+  project(model, state);
 }
 
 // Nodes inside an instrument are moved onto its surface and stay there (T fig. 6.4).
@@ -286,7 +311,8 @@ void imprint(const Model& model, State& state) {
                  const auto n = static_cast<std::size_t>(node);
                  state.deepest_before = std::max(state.deepest_before, -d);
                  w.positions[n] = project_to_surface(w.shapes[i], w.positions[n], 0.1 * w.tolerance);
-                 state.displacement[n] = (w.positions[n] - model.organ.surface.vertices[n]).cast<float>();
+                 state.displacement[n] = state.reading[n] =
+                     (w.positions[n] - model.organ.contact_points[n]).cast<float>();
                  if (state.contacts.size() == state.contacts.capacity()) return;
                  Contact c;
                  c.node = node, c.instrument = static_cast<Index>(i), c.gap_before = d,
@@ -343,6 +369,9 @@ void step(const Model& model, State& state, const Input& input) noexcept {
                                               : detect(model, state, last_frame);
       state.times.detect = detecting.seconds();
       solve_and_deform(model, state);
+      const Timer drawing = wall_timer();
+      project(model, state);
+      state.times.deform += drawing.seconds();
       report(state, input);
       break;
     }

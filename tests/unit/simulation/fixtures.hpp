@@ -10,9 +10,9 @@ namespace palpate {
 inline const bool blas_is_set_up = (set_up_blas(), true);
 
 // 10 cm cube, base fixed, E = 10 kPa, nu = 0.45, n^3 cells (PEERS' block).
-inline Organ block_organ(int n, const StorageOptions& storage = {}) {
+inline Organ block_organ(int n, const BakeOptions& options = {.order = 1}) {
   return bake(make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {n, n, n}), {{10e3, 0.45, 1000}},
-              {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()}}, 0, {}, nullptr, storage);
+              {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()}}, 0, {}, nullptr, options);
 }
 constexpr Storage all_storages[] = {Storage::dense, Storage::half, Storage::factored, Storage::hierarchical};
 

@@ -129,7 +129,7 @@ TEST_F(OrganFile, RoundTripKeepsEveryBit) {
 
 TEST_F(OrganFile, EveryStorageComesBackWithTheSameBits) {
   for (const Storage storage : all_storages) {
-    const Organ a = block_organ(6, {storage, 1e-3, 0});
+    const Organ a = block_organ(6, {1, storage, 1e-3, 0});
     EXPECT_STREQ(a.compliance.storage(), storage_name(storage));
     write_organ(path_, a, "test");
     for (const bool verify : {false, true}) {
@@ -148,7 +148,7 @@ TEST_F(OrganFile, EveryStorageComesBackWithTheSameBits) {
 
 TEST_F(OrganFile, DamageInEveryStorageIsANamedError) {
   for (const Storage storage : all_storages) {
-    write_organ(path_, block_organ(4, {storage, 1e-2, 0}), "test");
+    write_organ(path_, block_organ(4, {1, storage, 1e-2, 0}), "test");
     std::ifstream in(path_, std::ios::binary);
     const std::string whole((std::istreambuf_iterator<char>(in)), {});
     const fs::path damaged = folder_ / "damaged.h5";
@@ -186,7 +186,7 @@ TEST(Organ, MemoryIsPredictedAndWhatFitsIsNamed) {
   std::string seen;
   for (std::size_t limit = 1000000; seen.empty() || seen.back() != 'd'; limit += limit / 64) try {
       bake(make_block({Vec3::Zero(), Vec3(0.2, 0.2, 0.02)}, {20, 20, 2}), {{1e4, 0.45, 1000}},
-           {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitX()}}, 1, {}, nullptr, {Storage::dense, 1e-3, limit});
+           {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitX()}}, 1, {}, nullptr, {1, Storage::dense, 1e-3, limit});
       seen += 'd';
     } catch (const Error& e) {
       EXPECT_EQ(e.kind(), ErrorKind::resource);
@@ -195,7 +195,7 @@ TEST(Organ, MemoryIsPredictedAndWhatFitsIsNamed) {
       if (seen.empty() || seen.back() != (other ? 'f' : '-')) seen += other ? 'f' : '-';
     }
   EXPECT_EQ(seen, "-fd");
-  EXPECT_STREQ(block_organ(3, {std::nullopt, 1e-3, 0}).compliance.storage(), "dense float32");
+  EXPECT_STREQ(block_organ(3, {1, std::nullopt, 1e-3, 0}).compliance.storage(), "dense float32");
 }
 
 TEST_F(OrganFile, DamageAndStalenessAreNamedErrors) {

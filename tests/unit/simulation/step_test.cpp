@@ -101,7 +101,7 @@ TEST(Step, EveryStorageGivesTheSameForces) {
   std::vector<Vec3> reference;
   for (const Storage storage : all_storages) {
     Model model = block_model(8, Sphere{0.03});
-    model.organ = block_organ(8, {storage, tolerance, 0});
+    model.organ = block_organ(8, {1, storage, tolerance, 0});
     State state = make_state(model);
     std::vector<Vec3> forces;
     for (int i = 0; i < 60; ++i) {
