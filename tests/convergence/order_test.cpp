@@ -67,9 +67,19 @@ struct Errors {
   double displacement, strain;  // L2, relative
 };
 
+// A block bent smoothly, no two tetrahedra alike: the shapes stay the same from grid to finer grid, which an
+// order needs (random shapes get worse the more there are of them).
+TetMesh bent_block(int cells) {
+  TetMesh mesh = make_block({Vec3::Zero(), Vec3::Ones()}, {cells, cells, cells});
+  for (Vec3& p : mesh.nodes)
+    p = 0.06 * (p + 0.06 * Vec3(std::sin(3 * p.y() + p.z()), std::sin(3 * p.z() + p.x()),
+                                std::sin(3 * p.x() + p.y())));
+  return mesh;
+}
+
 Errors errors(int order, int cells, const Material& material) {
   const Wave wave;
-  const TetMesh mesh = jittered_block({cells, cells, cells});
+  const TetMesh mesh = bent_block(cells);
   const ElementNodes nodes = element_nodes(mesh, order);
   // body(x, weight in m3, shape functions there, nodes of the tetrahedron)
   const auto integrate = [&](const auto& body) {
@@ -135,9 +145,9 @@ TEST(Order, OfConvergenceIsThatOfTheory) {
         std::printf("P%d, nu %.2f, %2d cells a side: displacement %.3f %% (order %.2f), strain %.2f %% (%.2f)\n",
                     order, poisson, cells, 100 * now.displacement, in_displacement, 100 * now.strain,
                     in_strain);
-        // Near 0.5 the coarse grids of linear tetrahedra lock: the order is reached later.
         if (cells >= 8) {
-          EXPECT_NEAR(in_displacement, order + 1, poisson < 0.49 || order == 2 ? 0.15 : 0.3) << poisson;
+          // Near 0.5 linear tetrahedra lock: 1.77 here, and still at 20 cells a side.
+          EXPECT_NEAR(in_displacement, order + 1, poisson < 0.49 || order == 2 ? 0.15 : 0.25) << poisson;
           EXPECT_NEAR(in_strain, order, 0.15) << poisson;
         }
         last = now;

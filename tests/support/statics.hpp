@@ -1,14 +1,16 @@
-// Linear statics by Eigen's sparse factorisation: independent of the compliance stage.
+// Linear statics of tetrahedra.
 #pragma once
 
-#include <Eigen/SparseCholesky>
-#include <stdexcept>
-
+#include "palpate/compliance/blas.hpp"
+#include "palpate/compliance/statics.hpp"
 #include "palpate/elasticity/stiffness.hpp"
 
 namespace palpate::test {
 
+inline const bool blas_is_set_up_for_statics = (set_up_blas(), true);
+
 using Vector = Eigen::VectorXd;
+using palpate::solve_statics;
 
 inline Vector flat(const std::vector<Vec3>& v) {
   return Eigen::Map<const Vector>(v.data()->data(), static_cast<Eigen::Index>(3 * v.size()));
@@ -17,33 +19,6 @@ inline std::vector<Vec3> unflat(const Vector& v) {
   std::vector<Vec3> out(static_cast<std::size_t>(v.size()) / 3);
   for (std::size_t i = 0; i < out.size(); ++i) out[i] = v.segment<3>(static_cast<Eigen::Index>(3 * i));
   return out;
-}
-
-// K u = f where free; where fixed[i] (one a unknown), u is given. The given entries of u stay.
-inline void solve_statics(const Eigen::SparseMatrix<double>& stiffness, const std::vector<bool>& fixed,
-                          const Vector& force, Vector& u) {
-  std::vector<int> number(fixed.size(), -1);
-  int n = 0;
-  for (std::size_t i = 0; i < fixed.size(); ++i)
-    if (!fixed[i]) number[i] = n++, u[static_cast<Eigen::Index>(i)] = 0;
-  const Vector residual = force - stiffness * u;
-  Vector right(n);
-  std::vector<Eigen::Triplet<double>> entries;
-  for (int c = 0; c < stiffness.outerSize(); ++c)
-    for (Eigen::SparseMatrix<double>::InnerIterator it(stiffness, c); it; ++it) {
-      const int row = number[static_cast<std::size_t>(it.row())],
-                column = number[static_cast<std::size_t>(c)];
-      if (row >= 0 && column >= 0) entries.emplace_back(row, column, it.value());
-    }
-  for (std::size_t i = 0; i < fixed.size(); ++i)
-    if (!fixed[i]) right[number[i]] = residual[static_cast<Eigen::Index>(i)];
-  Eigen::SparseMatrix<double> matrix(n, n);
-  matrix.setFromTriplets(entries.begin(), entries.end());
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(matrix);
-  if (factor.info() != Eigen::Success) throw std::runtime_error("factorisation failed");
-  const Vector x = factor.solve(right);
-  for (std::size_t i = 0; i < fixed.size(); ++i)
-    if (!fixed[i]) u[static_cast<Eigen::Index>(i)] = x[number[i]];
 }
 
 // anchored and force: one a node of `nodes`.
