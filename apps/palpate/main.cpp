@@ -94,9 +94,10 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
                 "fixed nodes (repeatable): box x0 y0 z0 x1 y1 z1 | sphere x y z r | half-space px py pz nx "
                 "ny nz | region NAME | nodes 1,2,3")
       ->allow_extra_args(false);
-  c->add_option("--order", o.order,
-                "of the tetrahedra: 2 quadratic, accurate near nu = 0.5; 1 linear, quicker to precompute, too "
-                "stiff on coarse meshes. Online both cost the same")
+  c->add_option(
+       "--order", o.order,
+       "of the tetrahedra: 2 quadratic, accurate near nu = 0.5; 1 linear, quicker to precompute, too "
+       "stiff on coarse meshes. Online both cost the same")
       ->capture_default_str()
       ->check(CLI::IsMember({1, 2}));
   c->add_option(

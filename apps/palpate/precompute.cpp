@@ -89,7 +89,7 @@ std::size_t parse_memory(const std::string& text) {
 void run_precompute(const PrecomputeOptions& options, const Console& console) {
   const double unit = unit_in_metres(options.unit);
   const BakeOptions bake_options{options.order, parse_storage(options.storage), options.tolerance,
-                               parse_memory(options.memory)};
+                                 parse_memory(options.memory)};
   if (!(bake_options.tolerance >= smallest_tolerance && bake_options.tolerance < 1))
     throw Error(ErrorKind::usage, "--tolerance {}: {} to 1; for exact compliances use --storage factored",
                 bake_options.tolerance, smallest_tolerance);
@@ -114,7 +114,10 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
     organ = bake(std::move(file.mesh), std::move(materials), std::move(anchors), console.threads, progress,
                  &r, bake_options);
   }
-  stage_line(console, "stiffness", fmt::format("{} unknowns, {} tetrahedra", 3 * r.nodes, options.order == 1 ? "linear" : "quadratic"), r.assemble_seconds, 0);
+  stage_line(
+      console, "stiffness",
+      fmt::format("{} unknowns, {} tetrahedra", 3 * r.nodes, options.order == 1 ? "linear" : "quadratic"),
+      r.assemble_seconds, 0);
   stage_line(console, "factor",
              fmt::format("{} entries of L, ordered in {}", r.factor_entries, human_time(r.order_seconds)),
              r.factor_seconds, 8 * r.factor_entries);

@@ -28,8 +28,7 @@ TEST_P(CalculixOrgan, KidneyWithStone) {
 TEST_P(CalculixOrgan, Ventricle) {
   const char* given = std::getenv("PALPATE_DATA");
   const std::filesystem::path data =
-      (given ? std::filesystem::path(given)
-             : std::filesystem::path(PALPATE_SOURCE_DIR) / "../shared/data") /
+      (given ? std::filesystem::path(given) : std::filesystem::path(PALPATE_SOURCE_DIR) / "../shared/data") /
       "derived/VH_F_left_ventricle.msh";
   if (!std::filesystem::exists(data)) GTEST_SKIP() << data << " is not there; set PALPATE_DATA";
   const TetMesh mesh = read_tets(data, 0.001).mesh;

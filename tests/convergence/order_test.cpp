@@ -31,7 +31,8 @@ struct QuadraturePoint {
 
 // Gauss' points on a cube, folded onto the tetrahedron: exact for polynomials of degree seven.
 std::vector<QuadraturePoint> quadrature() {
-  const double inner = std::sqrt(3.0 / 7 - 2.0 / 7 * std::sqrt(1.2)), outer = std::sqrt(3.0 / 7 + 2.0 / 7 * std::sqrt(1.2));
+  const double inner = std::sqrt(3.0 / 7 - 2.0 / 7 * std::sqrt(1.2)),
+               outer = std::sqrt(3.0 / 7 + 2.0 / 7 * std::sqrt(1.2));
   const std::array<double, 4> x{-outer, -inner, inner, outer};
   const double big = (18 + std::sqrt(30.0)) / 72, small = (18 - std::sqrt(30.0)) / 72;
   const std::array<double, 4> w{small, big, big, small};
@@ -142,9 +143,9 @@ TEST(Order, OfConvergenceIsThatOfTheory) {
         const Errors now = errors(order, cells, {10e3, poisson});
         const double in_displacement = std::log2(last.displacement / now.displacement),
                      in_strain = std::log2(last.strain / now.strain);
-        std::printf("P%d, nu %.2f, %2d cells a side: displacement %.3f %% (order %.2f), strain %.2f %% (%.2f)\n",
-                    order, poisson, cells, 100 * now.displacement, in_displacement, 100 * now.strain,
-                    in_strain);
+        std::printf(
+            "P%d, nu %.2f, %2d cells a side: displacement %.3f %% (order %.2f), strain %.2f %% (%.2f)\n",
+            order, poisson, cells, 100 * now.displacement, in_displacement, 100 * now.strain, in_strain);
         if (cells >= 8) {
           // Near 0.5 linear tetrahedra lock: 1.77 here, and still at 20 cells a side.
           EXPECT_NEAR(in_displacement, order + 1, poisson < 0.49 || order == 2 ? 0.15 : 0.25) << poisson;

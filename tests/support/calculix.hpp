@@ -20,7 +20,8 @@ struct StaticReference {
   Vec3 reaction;                   // of the anchor, N
   double seconds;                  // wall, of the whole job
 };
-std::optional<StaticReference> calculix_static(const TetMesh& mesh, const ElementNodes& nodes, const std::vector<Material>& materials,
+std::optional<StaticReference> calculix_static(const TetMesh& mesh, const ElementNodes& nodes,
+                                               const std::vector<Material>& materials,
                                                const std::vector<std::uint8_t>& anchored,
                                                const std::vector<Vec3>& forces);
 

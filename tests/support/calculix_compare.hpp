@@ -22,8 +22,8 @@ inline std::vector<Vec3> some_forces(const std::vector<std::uint8_t>& anchored) 
   return forces;
 }
 
-inline void compare_with_calculix(const std::string& name, int order, const TetMesh& mesh, const std::vector<Material>& materials,
-             const std::string& anchor) {
+inline void compare_with_calculix(const std::string& name, int order, const TetMesh& mesh,
+                                  const std::vector<Material>& materials, const std::string& anchor) {
   const ElementNodes nodes = element_nodes(mesh, order);
   const auto anchored = with_middles(anchored_nodes(mesh, {parse_anchor(anchor)}), nodes);
   const auto forces = some_forces(anchored);

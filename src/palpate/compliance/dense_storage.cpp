@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "palpate/base/error.hpp"
-#include "palpate/base/parallel_for.hpp"
 #include "palpate/base/half.hpp"
+#include "palpate/base/parallel_for.hpp"
 #include "palpate/compliance/rows.hpp"
 #include "palpate/compliance/storage.hpp"
 

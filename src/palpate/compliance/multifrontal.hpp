@@ -74,7 +74,7 @@ void compliance_sweep(const Cholesky& factor, std::span<const Index> nodes, std:
                       int threads = 0, const Progress& progress = {});
 
 // The same for force patterns: R^T A^-1 R, R 3n x 3s. The nodes that the columns 3 j, 3 j + 1, 3 j + 2 of R
-// touch must each be coupled with the others in the matrix (store explicit zeros where they are not).
+// touch must each be coupled with the others in the factor's structure: node_graph(matrix, loads).
 template <class Scalar>
 void compliance_sweep(const Cholesky& factor, const Eigen::SparseMatrix<double>& loads, std::span<Scalar> out,
                       int threads = 0, const Progress& progress = {});

@@ -40,7 +40,7 @@ std::string printable(std::string name) {
 }  // namespace
 
 std::string calculix_model(const TetMesh& mesh, const ElementNodes& nodes,
- const std::vector<Material>& materials,
+                           const std::vector<Material>& materials,
                            const std::vector<std::uint8_t>& anchored) {
   require_sizes(mesh, nodes, materials, anchored);
   std::string deck;
@@ -74,13 +74,12 @@ std::string calculix_model(const TetMesh& mesh, const ElementNodes& nodes,
   return deck;
 }
 
-void write_calculix(const std::filesystem::path& path, const TetMesh& mesh,
-                    const ElementNodes& nodes, const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
+void write_calculix(const std::filesystem::path& path, const TetMesh& mesh, const ElementNodes& nodes,
+                    const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
                     const std::vector<Vec3>& forces) {
   std::string deck = calculix_model(mesh, nodes, materials, anchored);
   if (!forces.empty() && forces.size() != nodes.size())
-    throw Error(ErrorKind::internal, "CalculiX deck: {} forces for {} nodes", forces.size(),
-                nodes.size());
+    throw Error(ErrorKind::internal, "CalculiX deck: {} forces for {} nodes", forces.size(), nodes.size());
   for (std::size_t i = 0; i < forces.size(); ++i)
     if (!forces[i].allFinite())
       throw Error(ErrorKind::physics, "CalculiX deck: force on node {} is no number", i);

@@ -13,16 +13,16 @@
 namespace palpate {
 
 // C3D4 or C3D10, one *ELSET and *MATERIAL a region, anchored nodes fixed (a flag a node of `nodes`), nodal
-// forces (N, one a node; may be empty) in one *STATIC step that prints U of all nodes and the total RF of the anchored ones. SI units; node i is
-// number i + 1. Numbers as %.12e: ccx reads at most 20 characters. Throws Error(geometry | physics | file).
-void write_calculix(const std::filesystem::path& path, const TetMesh& mesh,
-                    const ElementNodes& nodes, const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
+// forces (N, one a node; may be empty) in one *STATIC step that prints U of all nodes and the total RF of the
+// anchored ones. SI units; node i is number i + 1. Numbers as %.12e: ccx reads at most 20 characters. Throws
+// Error(geometry | physics | file).
+void write_calculix(const std::filesystem::path& path, const TetMesh& mesh, const ElementNodes& nodes,
+                    const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
                     const std::vector<Vec3>& forces);
 
 // The part of the deck before *STEP: node set NALL, ANCHOR (absent when no node is anchored); element sets
 // REGION1, REGION2, ...
 std::string calculix_model(const TetMesh& mesh, const ElementNodes& nodes,
- const std::vector<Material>& materials,
-                           const std::vector<std::uint8_t>& anchored);
+                           const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored);
 
 }  // namespace palpate

@@ -11,14 +11,13 @@ namespace palpate {
 struct ElementNodes {
   int order = 1;                // 1: P1, 2: P2
   std::vector<Vec3> positions;  // at rest, m: the mesh's nodes, then for order 2 the middles of `edges`
-  std::vector<std::array<Index, 2>> edges;  // ends of each edge, the lower first, ascending; empty for order 1
+  std::vector<std::array<Index, 2>>
+      edges;                   // ends of each edge, the lower first, ascending; empty for order 1
   std::vector<Index> of_tets;  // per_tet() a tetrahedron: corners, middles of 01, 12, 02, 03, 13, 23 (as VTK)
 
   std::size_t size() const { return positions.size(); }
   std::size_t per_tet() const { return order == 1 ? 4 : 10; }
-  std::span<const Index> of(std::size_t tet) const {
-    return {of_tets.data() + per_tet() * tet, per_tet()};
-  }
+  std::span<const Index> of(std::size_t tet) const { return {of_tets.data() + per_tet() * tet, per_tet()}; }
   // Node in the middle of an edge of the mesh. Error(internal) where there is none.
   Index middle(Index a, Index b) const;
 };

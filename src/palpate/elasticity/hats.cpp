@@ -46,7 +46,8 @@ Eigen::SparseMatrix<double> hat_loads(const TriangleMesh& surface, std::span<con
   for (std::size_t j = 0; j < hats.size(); ++j)
     for (const auto& [node, value] : entries[at(hats[j])])
       if (const Index row = free_of[at(node)]; row >= 0)
-        for (Index a = 0; a < 3; ++a) triplets.emplace_back(3 * row + a, 3 * static_cast<Index>(j) + a, value);
+        for (Index a = 0; a < 3; ++a)
+          triplets.emplace_back(3 * row + a, 3 * static_cast<Index>(j) + a, value);
   const auto free = std::count_if(free_of.begin(), free_of.end(), [](Index i) { return i >= 0; });
   Eigen::SparseMatrix<double> loads(3 * free, static_cast<Eigen::Index>(3 * hats.size()));
   loads.setFromTriplets(triplets.begin(), triplets.end());
@@ -76,7 +77,8 @@ HatProjection::HatProjection(const TriangleMesh& surface, std::span<const Index>
   }
 }
 
-void HatProjection::operator()(std::span<const Eigen::Vector4f> means, std::span<Eigen::Vector4f> displacement,
+void HatProjection::operator()(std::span<const Eigen::Vector4f> means,
+                               std::span<Eigen::Vector4f> displacement,
                                std::span<Eigen::Vector4f> work) const noexcept {
   // Over the diagonal, which is half the hat's area: (1 + W) x = 2 means.
   constexpr float middle = 1.25f, half = 0.75f;  // of the eigenvalues' range

@@ -17,9 +17,9 @@ namespace palpate {
 // there the value that is its mean over the hat.
 std::vector<Vec3> hat_centroids(const TriangleMesh& surface);
 
-// Column 3 j + a: the nodal forces of a unit force along axis a on vertex hats[j], 3 rows a free node. Sums to
-// one but for what falls on anchored nodes. surface_nodes: the mesh's node of each vertex; free_of: number of
-// each node among the free ones, -1 where anchored.
+// Column 3 j + a: the nodal forces of a unit force along axis a on vertex hats[j], 3 rows a free node. Sums
+// to one but for what falls on anchored nodes. surface_nodes: the mesh's node of each vertex; free_of: number
+// of each node among the free ones, -1 where anchored.
 Eigen::SparseMatrix<double> hat_loads(const TriangleMesh& surface, std::span<const Index> surface_nodes,
                                       const ElementNodes& nodes, std::span<const Index> free_of,
                                       std::span<const Index> hats);

@@ -178,8 +178,8 @@ void fill_columns(const ElementNodes& nodes, const std::vector<Element>& element
               static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), t[i]) - rows.begin());
           for (std::size_t b = 0; b < 3; ++b)
             for (std::size_t a = 0; a < 3; ++a)
-              values[b * height + 3 * row + a] += shape.entry(i, own, static_cast<int>(a), static_cast<int>(b),
-                                                              lambda_v * weight, mu_v * weight);
+              values[b * height + 3 * row + a] += shape.entry(
+                  i, own, static_cast<int>(a), static_cast<int>(b), lambda_v * weight, mu_v * weight);
         }
       }
     }

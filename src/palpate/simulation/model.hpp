@@ -83,7 +83,7 @@ struct DeleteScratch {
 
 struct State {
   std::vector<Vec3f> displacement;  // of the surface nodes from rest, organ frame, m
-  std::vector<Vec3f> reading;       // of the organ's contact points; of linear tetrahedra the same
+  std::vector<Vec3f> reading;       // of its contact points, organ frame, m; of linear tetrahedra the same
   std::vector<Contact> contacts;    // of this tick: the nodes with a force
   std::vector<Wrench> wrenches;     // one an instrument
   double deepest_before = 0;        // m, largest penetration of a node at rest, >= 0
@@ -103,6 +103,11 @@ void step(const Model& model, State& state, const Input& input) noexcept;
 inline Vec3 deformed(const Model& model, const State& state, Index node) {
   return state.organ * (model.organ.surface.vertices[static_cast<std::size_t>(node)] +
                         state.displacement[static_cast<std::size_t>(node)].cast<double>());
+}
+// Where the node's force acts, in the world: of linear tetrahedra the deformed node.
+inline Vec3 contact_point(const Model& model, const State& state, Index node) {
+  return state.organ * (model.organ.contact_points[static_cast<std::size_t>(node)] +
+                        state.reading[static_cast<std::size_t>(node)].cast<double>());
 }
 
 }  // namespace palpate

@@ -71,8 +71,7 @@ std::array<std::size_t, 4> bytes_needed(const Symbolic& symbolic, const Eigen::S
           std::max(factor, y + compress_bytes(outline, positions, tolerance, threads))};
 }
 
-Storage choose_storage(const std::array<std::size_t, 4>& need, const BakeOptions& options,
-                       std::size_t rows) {
+Storage choose_storage(const std::array<std::size_t, 4>& need, const BakeOptions& options, std::size_t rows) {
   const std::size_t free = available_bytes() + resident_bytes();
   const std::size_t have = options.memory ? std::min(options.memory, free) : free;
   const auto fits = [&](Storage s) { return need[static_cast<std::size_t>(s)] <= have; };
@@ -177,8 +176,8 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
   r.surface_nodes = organ.surface_size(), r.free_surface_nodes = organ.node_of_row.size();
 
   Timer timer = wall_timer();
-  const FreeStiffness k =
-      remove_anchored(assemble_stiffness(organ.mesh, nodes, organ.materials, threads), with_middles(anchored, nodes));
+  const FreeStiffness k = remove_anchored(assemble_stiffness(organ.mesh, nodes, organ.materials, threads),
+                                          with_middles(anchored, nodes));
   r.assemble_seconds = timer.seconds();
   progress.at(0.02);
 

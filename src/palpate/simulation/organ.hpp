@@ -26,11 +26,11 @@ struct Organ {
   // Where each surface node's displacement is read and its force acts, at rest, m: the node itself, or of
   // quadratic tetrahedra the centroid of its hat, over which the force is spread and the displacement a mean.
   std::vector<Vec3> contact_points;
-  HatProjection projection;          // from those means to the surface nodes; of quadratic tetrahedra
-  std::vector<double> areas;         // m2, a third of the adjacent triangles; size s
-  std::vector<Index> row_of;         // row of each surface node in the compliance, -1: anchored; size s
-  std::vector<Index> node_of_row;    // surface node of each row; size compliance.nodes()
-  Compliance compliance;             // between the free contact points, m/N
+  HatProjection projection;        // from those means to the surface nodes; of quadratic tetrahedra
+  std::vector<double> areas;       // m2, a third of the adjacent triangles; size s
+  std::vector<Index> row_of;       // row of each surface node in the compliance, -1: anchored; size s
+  std::vector<Index> node_of_row;  // surface node of each row; size compliance.nodes()
+  Compliance compliance;           // between the free contact points, m/N
   std::uint64_t hash = 0;  // of mesh, materials, anchors and order: what the compliance was computed from
 
   std::size_t surface_size() const { return surface.vertices.size(); }

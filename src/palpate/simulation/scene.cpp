@@ -209,7 +209,8 @@ Organ read_organ_table(Table organ, int threads, const Progress& progress) {
     for (const std::string& text : organ.texts("anchors")) anchors.push_back(parse_anchor(text, unit));
     BakeOptions options;
     options.order = static_cast<int>(organ.whole("order", 2, 1, 2));
-    out = bake(std::move(mesh), std::move(materials), std::move(anchors), threads, progress, nullptr, options);
+    out =
+        bake(std::move(mesh), std::move(materials), std::move(anchors), threads, progress, nullptr, options);
   }
   organ.no_other_keys();
   return out;

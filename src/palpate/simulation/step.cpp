@@ -32,13 +32,13 @@ struct StepScratch {
   std::vector<Vec3> positions;  // deformed contact points, organ frame, m
   std::vector<ClusterBall> rest_balls, balls, anchored_balls;
   Box rest_box, box, anchored_box;
-  std::vector<PlacedShape> shapes;            // instruments in the organ's frame
-  std::vector<ContactPoint> points;           // may touch in this tick
-  std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
-  std::vector<Index> rows;                    // of the nodes with forces
-  std::vector<float> forces, u;               // 3 a row
+  std::vector<PlacedShape> shapes;                  // instruments in the organ's frame
+  std::vector<ContactPoint> points;                 // may touch in this tick
+  std::vector<Index> point_of;                      // [instrument * nodes + node], -1: not among the points
+  std::vector<Index> rows;                          // of the nodes with forces
+  std::vector<float> forces, u;                     // 3 a row
   std::vector<Eigen::Vector4f> means, drawn, work;  // for the projection onto the surface nodes
-  double size = 0, tolerance = 0, reach = 0;  // m
+  double size = 0, tolerance = 0, reach = 0;        // m
 };
 
 void DeleteScratch::operator()(StepScratch* scratch) const noexcept { delete scratch; }

@@ -61,7 +61,8 @@ TEST(Step, AllocatesNothing) {
   const TriangleMesh torus = make_torus(0.03, 0.012, 40, 20);
   for (const Storage storage : all_storages) {
     Model model;
-    model.organ = block_organ(8, {1, storage, 1e-3, 0});
+    // Quadratic with one storage: the other tetrahedra, and their projection.
+    model.organ = block_organ(8, {storage == Storage::half ? 2 : 1, storage, 1e-3, 0});
     for (const Mode mode : {Mode::unilateral, Mode::prescribed, Mode::gaussian, Mode::imprint})
       for (const Shape& shape : {Shape{Sphere{0.03}}, lattice_of(torus, 2e-3)}) {
         model.instruments = {{"tool", shape, surface_of_primitive(shape)}};

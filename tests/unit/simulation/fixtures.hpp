@@ -16,9 +16,9 @@ inline Organ block_organ(int n, const BakeOptions& options = {.order = 1}) {
 }
 constexpr Storage all_storages[] = {Storage::dense, Storage::half, Storage::factored, Storage::hierarchical};
 
-inline Model block_model(int n, const Shape& shape, Mode mode = Mode::unilateral) {
+inline Model block_model(int n, const Shape& shape, Mode mode = Mode::unilateral, int order = 1) {
   Model model;
-  model.organ = block_organ(n);
+  model.organ = block_organ(n, {.order = order});
   model.instruments.push_back({"tool", shape, surface_of_primitive(shape)});
   model.settings.mode = mode;
   return model;
