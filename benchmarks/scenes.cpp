@@ -17,9 +17,10 @@ Kidney pad_kidney(int surface_nodes) {
   return kidney;
 }
 
-Organ bake_kidney(int surface_nodes, int threads) {
+Organ bake_kidney(int surface_nodes, int order, int threads) {
   Kidney kidney = pad_kidney(surface_nodes);
-  return bake(std::move(kidney.mesh), std::move(kidney.materials), std::move(kidney.anchors), threads);
+  return bake(std::move(kidney.mesh), std::move(kidney.materials), std::move(kidney.anchors), threads, {},
+              nullptr, {.order = order});
 }
 
 TriangleMesh bishop() {

@@ -13,7 +13,7 @@ struct Kidney {
   std::vector<Anchor> anchors;
 };
 Kidney pad_kidney(int surface_nodes);
-Organ bake_kidney(int surface_nodes, int threads = 0);
+Organ bake_kidney(int surface_nodes, int order = 1, int threads = 0);
 
 // bishop.iv of Debian's inventor-data, 13 cm tall along y, its middle at the origin.
 TriangleMesh bishop();

@@ -49,7 +49,7 @@ std::vector<Value> slide(const scenes::Press& press, std::size_t contacts, const
 }
 
 std::vector<Value> offline(int nodes) {
-  const Medians m = in_turn([&] { keep(scenes::bake_kidney(nodes, 1)); });
+  const Medians m = in_turn([&] { keep(scenes::bake_kidney(nodes, 2, 1)); });
   return {{m.ours, "", no_peer, fmt::format("{} surface nodes", nodes)}};
 }
 
@@ -80,6 +80,8 @@ void register_step(Bench& bench) {
     return slide(scenes::press_ball(scenes::bake_kidney(3000)), 100,
                  {0, "SOFA precomputed, 2,744 nodes, 142 contacts, recorded", 48});
   });
+  bench.add({{"step.3000.100.p2", "ms"}},
+            [] { return slide(scenes::press_ball(scenes::bake_kidney(3000, 2)), 100, {}); });
   // A sharp edge on a coarse lattice: the hard case.
   bench.add({{"step.3000.100.edge", "ms"}}, [] {
     return slide(scenes::press_bishop(scenes::bake_kidney(3000), 20000, Mode::unilateral), 100, {});

@@ -84,7 +84,9 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
   const auto free =
       static_cast<std::size_t>(std::count_if(row_of.begin(), row_of.end(), [](Index r) { return r >= 0; }));
   const std::size_t nodes = rows(in, "mesh/nodes"), tets = rows(in, "mesh/tets");
-  facts.add("model", fmt::format("{} tetrahedra on {}", tets, count(nodes, "node", "nodes")));
+  const auto order = in.version() < 2 ? std::int64_t{1} : in.integer("order");
+  facts.add("model", fmt::format("{} {} tetrahedra on {}", tets, order == 1 ? "linear" : "quadratic",
+                                 count(nodes, "corner", "corners")));
   facts.add("surface", fmt::format("{} nodes, {} of them free, {} triangles", row_of.size(), free,
                                    rows(in, "surface/triangles")));
   const std::vector<double> vertices = in.vector<double>("surface/vertices");
@@ -123,6 +125,7 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
   facts.add("made of", in.text("provenance"));
   facts.object.update({{"nodes", nodes},
                        {"tets", tets},
+                       {"order", order},
                        {"surface_nodes", row_of.size()},
                        {"free_nodes", free},
                        {"storage", storage},

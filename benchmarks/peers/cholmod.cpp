@@ -35,22 +35,28 @@ class Cholmod final : public Factorisation {
       throw std::runtime_error("CHOLMOD could not factorise the matrix");
   }
 
-  void inverse_block(std::span<const Index> unknowns, std::size_t block, std::span<float> out) override {
-    const std::size_t n = static_cast<std::size_t>(lower_.rows()), s = unknowns.size();
+  void inverse_block(const Eigen::SparseMatrix<double>& loads, std::size_t block,
+                     std::span<float> out) override {
+    const std::size_t n = static_cast<std::size_t>(lower_.rows()), s = static_cast<std::size_t>(loads.cols());
     cholmod_dense* x = nullptr;
     cholmod_dense *y = nullptr, *e = nullptr;
     for (std::size_t first = 0; first < s; first += block) {
       const std::size_t columns = std::min(block, s - first);
       cholmod_dense* b = cholmod_zeros(n, columns, CHOLMOD_REAL, &common_);
       for (std::size_t j = 0; j < columns; ++j)
-        static_cast<double*>(b->x)[j * n + static_cast<std::size_t>(unknowns[first + j])] = 1;
+        for (Eigen::SparseMatrix<double>::InnerIterator it(loads, static_cast<Eigen::Index>(first + j)); it;
+             ++it)
+          static_cast<double*>(b->x)[j * n + static_cast<std::size_t>(it.row())] = it.value();
       if (x && x->ncol != columns) cholmod_free_dense(&x, &common_);
       if (!cholmod_solve2(CHOLMOD_A, factor_, b, nullptr, &x, nullptr, &y, &e, &common_))
         throw std::runtime_error("CHOLMOD could not solve");
       for (std::size_t j = 0; j < columns; ++j)
-        for (std::size_t i = 0; i < s; ++i)
-          out[(first + j) * s + i] = static_cast<float>(
-              static_cast<const double*>(x->x)[j * n + static_cast<std::size_t>(unknowns[i])]);
+        for (std::size_t i = 0; i < s; ++i) {
+          double sum = 0;
+          for (Eigen::SparseMatrix<double>::InnerIterator it(loads, static_cast<Eigen::Index>(i)); it; ++it)
+            sum += it.value() * static_cast<const double*>(x->x)[j * n + static_cast<std::size_t>(it.row())];
+          out[(first + j) * s + i] = static_cast<float>(sum);
+        }
       cholmod_free_dense(&b, &common_);
     }
     cholmod_free_dense(&x, &common_);

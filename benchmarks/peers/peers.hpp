@@ -46,9 +46,10 @@ class Factorisation {
   virtual ~Factorisation() = default;
   // Analyses and factorises the matrix given to make_cholmod; the analysis is repeated each time.
   virtual void factor() = 0;
-  // (A^-1) between unknowns, by solves with `block` right-hand sides at a time; out: column-major,
-  // unknowns.size() squared. After factor().
-  virtual void inverse_block(std::span<const Index> unknowns, std::size_t block, std::span<float> out) = 0;
+  // R^T A^-1 R by solves with `block` columns of R (loads) at a time; out: column-major, loads.cols()
+  // squared. After factor().
+  virtual void inverse_block(const Eigen::SparseMatrix<double>& loads, std::size_t block,
+                             std::span<float> out) = 0;
 };
 // CHOLMOD: supernodal, METIS ordering, float64. matrix: both triangles stored.
 std::unique_ptr<Factorisation> make_cholmod(const Eigen::SparseMatrix<double>& matrix);

@@ -194,19 +194,21 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
   r.order_seconds = timer.seconds();
   progress.at(0.05);
 
+  // Where the bar stands after the factor and after the sweep, about.
+  const double factored = organ.order == 1 ? 0.2 : 0.5, swept = organ.order == 1 ? 0.4 : 0.75;
   timer = wall_timer();
   Factored<float> y;
   try {
-    const Cholesky factor(k.matrix, std::move(symbolic), threads, part(progress, 0.05, 0.2));
+    const Cholesky factor(k.matrix, std::move(symbolic), threads, part(progress, 0.05, factored));
     r.factor_seconds = timer.seconds();
     r.factor_entries = factor.stats().factor_entries;
     timer = wall_timer();
-    y = factor_compliance<float>(factor, loads, threads, part(progress, 0.2, 0.4));
+    y = factor_compliance<float>(factor, loads, threads, part(progress, factored, swept));
   } catch (const NotPositiveDefinite& e) {
     explain_pivot(organ, nodes, k.node_of[static_cast<std::size_t>(e.node())]);
   }
   organ.compliance =
-      store(std::move(y), storage, positions, options.tolerance, threads, part(progress, 0.4, 1));
+      store(std::move(y), storage, positions, options.tolerance, threads, part(progress, swept, 1));
   r.sweep_seconds = timer.seconds();
   return organ;
 }
