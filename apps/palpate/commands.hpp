@@ -38,8 +38,9 @@ void run_pad(const PadCommandOptions& options, const Console& console);
 struct PrecomputeOptions {
   std::filesystem::path input, output;
   std::string unit = "m";
-  std::vector<std::string> materials;  // REGION=E,nu[,density]
+  std::vector<std::string> materials;  // REGION=E,nu[,density] or REGION=TISSUE
   std::vector<std::string> anchors;    // grammar of parse_anchor, lengths in file units
+  std::vector<std::string> beddings;   // grammar of parse_bedding
   int order = 2;                       // of the tetrahedra: 1 or 2
   std::string storage = "auto";        // auto | dense | half | factored | hierarchical
   double tolerance = 1e-3;             // of the hierarchical storage
@@ -65,8 +66,12 @@ void run_info(const InfoOptions& options, const Console& console);
 struct ConvertOptions {
   std::filesystem::path input, output;
   std::string unit = "m", to_unit = "m";
+  std::vector<std::string> materials, anchors;  // tetrahedra to .inp: as of precompute
+  int order = 2;
 };
 void run_convert(const ConvertOptions& options, const Console& console);
+
+void run_tissues(const Console& console);
 
 struct DemoOptions {
   std::filesystem::path output = "out/demo";

@@ -5,12 +5,14 @@
 
 #include "commands.hpp"
 #include "palpate/elasticity/calculix.hpp"
+#include "palpate/elasticity/stiffness.hpp"
 #include "palpate/io/container.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
 #include "palpate/io/vtu.hpp"
 #include "palpate/lattice/lattice_file.hpp"
 #include "palpate/simulation/handover.hpp"
+#include "palpate/simulation/materials.hpp"
 
 namespace palpate {
 
@@ -100,7 +102,26 @@ class Conversion {
          "tetrahedra of ten nodes or more, of which the corners were taken");
     note("other_cells", file.other_cells, "cells that are no tetrahedra, left out");
     note("unused_nodes", file.unused_nodes, "nodes in no tetrahedron, left out");
+    if (to_ == ".inp") return tets_to_calculix(file);
+    if (to_ == ".vtu" && to_unit_ == 1 && !file.young.empty() && !file.poisson.empty())
+      return materials_to_vtu(file.mesh, materials_of(file, {}));
+    if (!file.young.empty()) line("note", "the materials of its cells are lost in this format");
     write_mesh(file.mesh);
+  }
+
+  void tets_to_calculix(const TetFile& file) {
+    require_metres();
+    const auto given = parse_region_materials(o_.materials);
+    const bool known = !given.empty() || !file.young.empty();
+    const std::vector<Material> materials =
+        materials_of(file, known ? given : std::vector<RegionMaterial>{{"", {10e3, 0.45, 1000}}});
+    if (!known) line("note", "no material is known: E = 10 kPa, nu = 0.45 (see --material)");
+    std::vector<Anchor> anchors;
+    for (const std::string& text : o_.anchors) anchors.push_back(parse_anchor(text, unit_));
+    if (anchors.empty()) line("note", "nothing is anchored: add *BOUNDARY, or see --anchor");
+    const ElementNodes nodes = element_nodes(file.mesh, o_.order);
+    write_calculix(o_.output, file.mesh, nodes, materials,
+                   with_middles(nodes_taken(file.mesh, anchors), nodes), {});
   }
 
   void write_mesh(const TetMesh& mesh) {
@@ -145,9 +166,13 @@ class Conversion {
       surface(organ.surface);
     } else if (to_ == ".inp") {
       require_metres();
+      if (!organ.beddings.empty())
+        throw Error(ErrorKind::usage,
+                    "{}: has a bedding, which CalculiX's decks cannot say: precompute it without",
+                    o_.input.string());
       const ElementNodes nodes = element_nodes(organ.mesh, organ.order);
       write_calculix(o_.output, organ.mesh, nodes, organ.materials,
-                     with_middles(anchored_nodes(organ.mesh, organ.anchors), nodes), {});
+                     with_middles(nodes_taken(organ.mesh, organ.anchors), nodes), {});
     } else if (to_ == ".vtu" && to_unit_ == 1) {
       vtu_of(organ);
     } else if (is_one_of(to_, {".vtu", ".msh", ".mesh", ".vtk", ".node", ".ele", ".obj", ".stl", ".ply"})) {
@@ -159,13 +184,22 @@ class Conversion {
 
   // What was computed from: regions, materials, anchors.
   void vtu_of(const Organ& organ) {
-    VtuField anchored{"anchored", 1, {}}, young{"young_Pa", 1, {}}, poisson{"poisson", 1, {}};
-    for (const std::uint8_t a : anchored_nodes(organ.mesh, organ.anchors)) anchored.values.push_back(a);
-    for (const Index r : organ.mesh.regions) {
-      young.values.push_back(static_cast<float>(organ.materials[static_cast<std::size_t>(r)].young));
-      poisson.values.push_back(static_cast<float>(organ.materials[static_cast<std::size_t>(r)].poisson));
+    VtuField anchored{"anchored", 1, {}}, bedded{"bedded", 1, {}};
+    for (const std::uint8_t a : nodes_taken(organ.mesh, organ.anchors)) anchored.values.push_back(a);
+    for (const std::uint8_t b : bedded_nodes(organ.mesh, organ.beddings)) bedded.values.push_back(b);
+    materials_to_vtu(organ.mesh, organ.materials, {anchored, bedded});
+  }
+
+  void materials_to_vtu(const TetMesh& mesh, const std::vector<Material>& materials,
+                        const std::vector<VtuField>& of_nodes = {}) {
+    VtuField young{"young_Pa", 1, {}}, poisson{"poisson", 1, {}}, density{"density_kg_m3", 1, {}};
+    for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+      const Material& m = material_of(mesh, materials, t);
+      young.values.push_back(static_cast<float>(m.young));
+      poisson.values.push_back(static_cast<float>(m.poisson));
+      density.values.push_back(static_cast<float>(m.density));
     }
-    write_vtu(o_.output, organ.mesh, {anchored}, {young, poisson});
+    write_vtu(o_.output, mesh, of_nodes, {young, poisson, density});
   }
 
   void lattice() {

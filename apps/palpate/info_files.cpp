@@ -78,6 +78,48 @@ void info_text_lattice(const InfoOptions& options, Facts& facts) {
   facts.object.update({{"points", grid.n}, {"spacing_m", grid.h}, {"distance_m", {*least, *most}}});
 }
 
+void add_materials(const ContainerReader& in, Facts& facts) {
+  const std::vector<double> m = in.vector<double>("materials");
+  const std::string names = in.text("region_names");
+  const auto regions = static_cast<std::size_t>(std::count(names.begin(), names.end(), '\n')) + 1;
+  if (m.size() != 3 * regions) {
+    std::array<double, 6> range{};  // lowest and highest of each
+    for (std::size_t i = 0; i < m.size(); ++i) {
+      double &low = range[2 * (i % 3)], &high = range[2 * (i % 3) + 1];
+      low = i < 3 ? m[i] : std::min(low, m[i]), high = i < 3 ? m[i] : std::max(high, m[i]);
+    }
+    facts.add("materials",
+              fmt::format("of each tetrahedron: E {:.6g} to {:.6g} Pa, nu {:.4g} to {:.4g}, {:.5g} to "
+                          "{:.5g} kg/m3",
+                          range[0], range[1], range[2], range[3], range[4], range[5]));
+    facts.object["materials"] = {{"young_pa", {range[0], range[1]}},
+                                 {"poisson", {range[2], range[3]}},
+                                 {"density_kg_m3", {range[4], range[5]}}};
+    return;
+  }
+  std::size_t at = 0;
+  for (std::size_t r = 0; r < regions; ++r) {
+    const std::size_t end = std::min(names.find('\n', at), names.size());
+    const std::string name = names.substr(at, end - at);
+    at = std::min(end + 1, names.size());
+    facts.add(r == 0 ? "materials" : "", fmt::format("{}: E {:.6g} Pa, nu {:.4g}, {:.5g} kg/m3", name,
+                                                     m[3 * r], m[3 * r + 1], m[3 * r + 2]));
+    facts.object["materials"].push_back({{"region", name},
+                                         {"young_pa", m[3 * r]},
+                                         {"poisson", m[3 * r + 1]},
+                                         {"density_kg_m3", m[3 * r + 2]}});
+  }
+}
+
+// A list, a line each, on one line.
+void add_list(const ContainerReader& in, const char* name, Facts& facts) {
+  if (!in.has_attribute(name)) return;
+  std::string text = in.text(name);
+  facts.object[name] = text;
+  std::replace(text.begin(), text.end(), '\n', ';');
+  if (!text.empty()) facts.add(name, text.size() > 100 ? text.substr(0, 100) + "..." : text);
+}
+
 void info_model(const InfoOptions& options, Facts& facts, const Console& console) {
   const ContainerReader in(options.input, "model", any_version);
   const std::vector<Index> row_of = in.vector<Index>("surface/rows");
@@ -94,24 +136,9 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
   for (std::size_t i = 0; i + 2 < vertices.size(); i += 3)
     box.add(Vec3(vertices[i], vertices[i + 1], vertices[i + 2]));
   facts.add_box(box, "");
-  const std::vector<double> m = in.vector<double>("materials");
-  const std::string names = in.text("region_names");
-  std::size_t at = 0;
-  for (std::size_t r = 0; 3 * r + 2 < m.size(); ++r) {
-    const std::size_t end = std::min(names.find('\n', at), names.size());
-    const std::string name = names.substr(at, end - at);
-    at = std::min(end + 1, names.size());
-    facts.add(r == 0 ? "materials" : "", fmt::format("{}: E {:.6g} Pa, nu {:.4g}, {:.5g} kg/m3", name,
-                                                     m[3 * r], m[3 * r + 1], m[3 * r + 2]));
-    facts.object["materials"].push_back({{"region", name},
-                                         {"young_pa", m[3 * r]},
-                                         {"poisson", m[3 * r + 1]},
-                                         {"density_kg_m3", m[3 * r + 2]}});
-  }
-  std::string anchors = in.text("anchors");
-  facts.object["anchors"] = anchors;
-  std::replace(anchors.begin(), anchors.end(), '\n', ';');
-  facts.add("anchors", anchors.size() > 100 ? anchors.substr(0, 100) + "..." : anchors);
+  add_materials(in, facts);
+  add_list(in, "anchors", facts);
+  add_list(in, "beddings", facts);
   const std::string storage = in.text("storage");
   std::size_t bytes = storage == storage_name(Storage::half) ? 18 * free * free : 36 * free * free;
   if (in.has("compliance/values")) bytes = 4 * rows(in, "compliance/values");

@@ -88,11 +88,16 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
   c->add_option("-o,--output", o.output, "model to write (.h5)")->required();
   c->add_option("--unit", o.unit, unit_help)->capture_default_str();
   c->add_option("--material", o.materials,
-                "REGION=E,nu[,density]: Pa, -, kg/m3 (repeatable; without REGION= for all regions)")
+                "REGION=E,nu[,density]: Pa, -, kg/m3; or REGION=TISSUE, see `palpate tissues` (repeatable; "
+                "without REGION= for all regions; default: cell arrays young, poisson, density)")
       ->allow_extra_args(false);
   c->add_option("--anchor", o.anchors,
                 "fixed nodes (repeatable): box x0 y0 z0 x1 y1 z1 | sphere x y z r | half-space px py pz nx "
                 "ny nz | region NAME | nodes 1,2,3")
+      ->allow_extra_args(false);
+  c->add_option("--bedding", o.beddings,
+                "MODULUS and a place as of --anchor: springs to ground over that surface, N/m3 (repeatable), "
+                "as in \"2e5 half-space 0 0 -0.02 0 0 1\"")
       ->allow_extra_args(false);
   c->add_option(
        "--order", o.order,
@@ -141,7 +146,18 @@ void add_convert(CLI::App& app, ConvertOptions& o, const Console& console) {
       ->required();
   c->add_option("--unit", o.unit, unit_help)->capture_default_str();
   c->add_option("--to-unit", o.to_unit, "unit of the lengths written")->capture_default_str();
+  c->add_option("--material", o.materials, "tetrahedra to .inp: as of precompute")->allow_extra_args(false);
+  c->add_option("--anchor", o.anchors, "tetrahedra to .inp: as of precompute")->allow_extra_args(false);
+  c->add_option("--order", o.order, "tetrahedra to .inp: 1 C3D4, 2 C3D10")
+      ->capture_default_str()
+      ->check(CLI::IsMember({1, 2}));
   c->callback([&] { run_convert(o, console); });
+}
+
+void add_tissues(CLI::App& app, const Console& console) {
+  command(app, "tissues", "Tissues that --material knows by name, with ranges and sources.",
+          "palpate precompute liver.vtu --material liver --anchor \"box 0 0 0 1 1 0.1\" -o liver.h5")
+      ->callback([&] { run_tissues(console); });
 }
 
 void add_demo(CLI::App& app, DemoOptions& o, const Console& console) {
@@ -181,6 +197,7 @@ int run(int argc, char** argv) {
   add_info(app, info, console);
   ConvertOptions convert;
   add_convert(app, convert, console);
+  add_tissues(app, console);
   DemoOptions demo;
   add_demo(app, demo, console);
   try {

@@ -8,57 +8,13 @@
 #include "palpate/compliance/storage.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
+#include "palpate/simulation/materials.hpp"
 #include "palpate/simulation/organ.hpp"
 #include "run.hpp"
 
 namespace palpate {
 
 namespace {
-
-// "10e3,0.45,1050"
-Material parse_material(const std::string& text, const std::string& whole) {
-  std::vector<double> values;
-  for (std::size_t at = 0; at <= text.size();) {
-    const std::size_t end = std::min(text.find(',', at), text.size());
-    double v = 0;
-    const auto [stop, status] = std::from_chars(text.data() + at, text.data() + end, v);
-    if (status != std::errc() || stop != text.data() + end)
-      values.clear(), at = text.size();
-    else
-      values.push_back(v);
-    at = std::max(at, end) + 1;
-  }
-  if (values.size() < 2 || values.size() > 3)
-    throw Error(
-        ErrorKind::usage,
-        "--material {}: say REGION=E,nu or REGION=E,nu,density (Pa, -, kg/m3), as in tissue=10e3,0.45",
-        whole);
-  Material m{values[0], values[1], values.size() > 2 ? values[2] : 1000.0};
-  require_valid(m, "--material " + whole);
-  return m;
-}
-
-std::vector<Material> parse_materials(const std::vector<std::string>& texts,
-                                      const std::vector<std::string>& regions) {
-  std::vector<Material> out(regions.size());
-  std::vector<bool> given(regions.size(), false);
-  for (const std::string& text : texts) {
-    const std::size_t equals = text.find('=');
-    const std::string region = equals == std::string::npos ? "" : text.substr(0, equals);
-    const Material m = parse_material(text.substr(equals == std::string::npos ? 0 : equals + 1), text);
-    bool found = false;
-    for (std::size_t r = 0; r < regions.size(); ++r)
-      if (region.empty() || region == regions[r]) out[r] = m, given[r] = found = true;
-    if (!found)
-      throw Error(ErrorKind::usage, "--material {}: there is no region '{}'; the mesh has {}", text, region,
-                  fmt::join(regions, ", "));
-  }
-  for (std::size_t r = 0; r < regions.size(); ++r)
-    if (!given[r])
-      throw Error(ErrorKind::usage, "no material for region '{}'; add --material {}=10e3,0.45", regions[r],
-                  regions[r]);
-  return out;
-}
 
 std::optional<Storage> parse_storage(const std::string& text) {
   if (text == "auto") return std::nullopt;
@@ -88,8 +44,9 @@ std::size_t parse_memory(const std::string& text) {
 
 void run_precompute(const PrecomputeOptions& options, const Console& console) {
   const double unit = unit_in_metres(options.unit);
-  const BakeOptions bake_options{options.order, parse_storage(options.storage), options.tolerance,
-                                 parse_memory(options.memory)};
+  BakeOptions bake_options{options.order, parse_storage(options.storage), options.tolerance,
+                           parse_memory(options.memory)};
+  for (const std::string& text : options.beddings) bake_options.beddings.push_back(parse_bedding(text, unit));
   if (!(bake_options.tolerance >= smallest_tolerance && bake_options.tolerance < 1))
     throw Error(ErrorKind::usage, "--tolerance {}: {} to 1; for exact compliances use --storage factored",
                 bake_options.tolerance, smallest_tolerance);
@@ -103,7 +60,7 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
              fmt::format("{} nodes, {} tetrahedra, regions {}", file.mesh.nodes.size(), file.mesh.tets.size(),
                          fmt::join(file.mesh.region_names, ", ")),
              timer.seconds(), 0);
-  std::vector<Material> materials = parse_materials(options.materials, file.mesh.region_names);
+  std::vector<Material> materials = materials_of(file, parse_region_materials(options.materials));
   std::vector<Anchor> anchors;
   for (const std::string& text : options.anchors) anchors.push_back(parse_anchor(text, unit));
 

@@ -193,7 +193,7 @@ std::vector<Hold> spread(const TetMesh& mesh, const Parts& parts, std::vector<st
   throw Error(
       ErrorKind::physics,
       "anchor: {}, from {:.4g} {:.4g} {:.4g} to {:.4g} {:.4g} {:.4g} m) can still move rigidly: {} of its "
-      "nodes {} held{}; choose an anchor that takes three or more of them not on a line{}",
+      "nodes {} held{}; choose an anchor (or a bedding) that takes three or more of them not on a line{}",
       which, box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z(), hold.count,
       hold.count == 1 ? "is" : "are", why, parts.nodes.size() == 1 ? "" : ", or remove the part");
 }
@@ -245,14 +245,22 @@ std::string to_string(const Anchor& anchor) {
   return fmt::format("nodes {}", fmt::join(std::get<AnchorNodes>(anchor).nodes, ","));
 }
 
-std::vector<std::uint8_t> anchored_nodes(const TetMesh& mesh, const std::vector<Anchor>& anchors) {
-  require_valid(mesh, "anchor");
+std::vector<std::uint8_t> nodes_taken(const TetMesh& mesh, const std::vector<Anchor>& anchors) {
   std::vector<std::uint8_t> flags(mesh.nodes.size(), 0);
   const Takes takes{mesh, 1e-9 * bounding_box(mesh.nodes).diagonal(), flags};
   for (const Anchor& anchor : anchors) std::visit(takes, anchor);
+  return flags;
+}
+
+std::vector<std::uint8_t> anchored_nodes(const TetMesh& mesh, const std::vector<Anchor>& anchors,
+                                         const std::vector<std::uint8_t>& sprung) {
+  require_valid(mesh, "anchor");
+  std::vector<std::uint8_t> flags = nodes_taken(mesh, anchors), held = flags;
+  for (std::size_t i = 0; i < sprung.size(); ++i)
+    if (sprung[i]) held[i] = 1;
 
   const Parts parts = parts_of(mesh);
-  const std::vector<Hold> holds = spread(mesh, parts, flags);
+  const std::vector<Hold> holds = spread(mesh, parts, std::move(held));
   for (std::size_t p = 0; p < parts.nodes.size(); ++p)
     if (!holds[p].spans) reject_part(mesh, parts, p, holds[p]);
 

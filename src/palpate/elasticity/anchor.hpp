@@ -1,4 +1,4 @@
-// Which nodes are fixed to the body's frame (T 4.3.2, 5.1.3).
+// Which nodes are fixed to the body's frame (T 4.3.2, 5.1.3), and the way to name parts of a body.
 #pragma once
 
 #include <string>
@@ -33,10 +33,15 @@ using Anchor = std::variant<AnchorBox, AnchorSphere, AnchorHalfSpace, AnchorRegi
 Anchor parse_anchor(const std::string& text, double unit = 1.0);
 std::string to_string(const Anchor& anchor);  // metres; parse_anchor reads it back
 
-// One flag a node; lengths are taken with a tolerance of 1e-9 of the mesh's diagonal. Nodes of no tetrahedron
-// count as anchored: they have no stiffness. Throws Error(physics) when the anchored nodes leave a rigid
-// motion free in some part (tetrahedra joined by faces): none at all, fewer than three, or all on one line;
-// says which part and how to choose better. Throws Error(usage) for a region or node that is not there.
-std::vector<std::uint8_t> anchored_nodes(const TetMesh& mesh, const std::vector<Anchor>& anchors);
+// One flag a node: taken by one of them. Lengths have a tolerance of 1e-9 of the mesh's diagonal. Throws
+// Error(usage) for a region or node that is not there.
+std::vector<std::uint8_t> nodes_taken(const TetMesh& mesh, const std::vector<Anchor>& anchors);
+
+// The same; nodes of no tetrahedron count as anchored, too: they have no stiffness. sprung: a flag a node
+// that springs hold (bedding.hpp), or empty. Throws Error(physics) when anchored and sprung nodes leave a
+// rigid motion free in some part (tetrahedra joined by faces): none at all, fewer than three, or all on one
+// line; says which part and how to choose better.
+std::vector<std::uint8_t> anchored_nodes(const TetMesh& mesh, const std::vector<Anchor>& anchors,
+                                         const std::vector<std::uint8_t>& sprung = {});
 
 }  // namespace palpate

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 
 #include "palpate/base/error.hpp"
+#include "palpate/elasticity/stiffness.hpp"
 #include "palpate/io/atomic_file.hpp"
 
 namespace palpate {
@@ -16,11 +18,7 @@ namespace {
 void require_sizes(const TetMesh& mesh, const ElementNodes& nodes, const std::vector<Material>& materials,
                    const std::vector<std::uint8_t>& anchored) {
   require_valid(mesh, "CalculiX deck");
-  if (materials.size() != mesh.region_names.size())
-    throw Error(ErrorKind::physics, "CalculiX deck: {} materials for {} regions; give each region one",
-                materials.size(), mesh.region_names.size());
-  for (std::size_t r = 0; r < materials.size(); ++r)
-    require_valid(materials[r], "region '" + mesh.region_names[r] + "'");
+  require_valid(mesh, materials);
   if (anchored.size() != nodes.size())
     throw Error(ErrorKind::internal, "CalculiX deck: anchor flags for {} nodes of {}", anchored.size(),
                 nodes.size());
@@ -37,6 +35,30 @@ std::string printable(std::string name) {
   return name.substr(0, 60);
 }
 
+// Tetrahedra of one section: of a region, or of those that share a material.
+struct Section {
+  Material material;
+  std::vector<std::size_t> tets;
+};
+
+std::vector<Section> sections_of(const TetMesh& mesh, const std::vector<Material>& materials) {
+  std::vector<Section> sections;
+  if (materials.size() == mesh.region_names.size()) {
+    for (const Material& m : materials) sections.push_back({m, {}});
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+      sections[static_cast<std::size_t>(mesh.regions[e])].tets.push_back(e);
+    return sections;
+  }
+  std::map<std::array<double, 3>, std::size_t> of;
+  for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+    const Material& m = materials[e];
+    const auto [it, added] = of.try_emplace({m.young, m.poisson, m.density}, sections.size());
+    if (added) sections.push_back({m, {}});
+    sections[it->second].tets.push_back(e);
+  }
+  return sections;
+}
+
 }  // namespace
 
 std::string calculix_model(const TetMesh& mesh, const ElementNodes& nodes,
@@ -49,21 +71,22 @@ std::string calculix_model(const TetMesh& mesh, const ElementNodes& nodes,
   for (std::size_t i = 0; i < nodes.size(); ++i)
     fmt::format_to(out, "{},{:.12e},{:.12e},{:.12e}\n", i + 1, nodes.positions[i].x(), nodes.positions[i].y(),
                    nodes.positions[i].z());
-  for (std::size_t r = 0; r < materials.size(); ++r) {
-    const auto in_region = [&](Index region) { return region == static_cast<Index>(r); };
-    if (std::none_of(mesh.regions.begin(), mesh.regions.end(), in_region)) continue;
-    fmt::format_to(out, "** {}\n*ELEMENT, TYPE={}, ELSET=REGION{}\n", printable(mesh.region_names[r]),
+  const std::vector<Section> sections = sections_of(mesh, materials);
+  for (std::size_t r = 0; r < sections.size(); ++r) {
+    if (sections[r].tets.empty()) continue;
+    const auto region = static_cast<std::size_t>(mesh.regions[sections[r].tets[0]]);
+    fmt::format_to(out, "** {}\n*ELEMENT, TYPE={}, ELSET=REGION{}\n", printable(mesh.region_names[region]),
                    nodes.order == 1 ? "C3D4" : "C3D10", r + 1);
-    for (std::size_t e = 0; e < mesh.tets.size(); ++e)
-      if (in_region(mesh.regions[e])) {
-        fmt::format_to(out, "{}", e + 1);
-        for (const Index v : nodes.of(e)) fmt::format_to(out, ",{}", v + 1);
-        fmt::format_to(out, "\n");
-      }
+    for (const std::size_t e : sections[r].tets) {
+      fmt::format_to(out, "{}", e + 1);
+      for (const Index v : nodes.of(e)) fmt::format_to(out, ",{}", v + 1);
+      fmt::format_to(out, "\n");
+    }
     fmt::format_to(out,
                    "*MATERIAL, NAME=MATERIAL{0}\n*ELASTIC\n{1:.12e},{2:.12e}\n*DENSITY\n{3:.12e}\n"
                    "*SOLID SECTION, ELSET=REGION{0}, MATERIAL=MATERIAL{0}\n",
-                   r + 1, materials[r].young, materials[r].poisson, materials[r].density);
+                   r + 1, sections[r].material.young, sections[r].material.poisson,
+                   sections[r].material.density);
   }
   if (any(anchored)) {
     fmt::format_to(out, "*NSET, NSET=ANCHOR\n");

@@ -12,10 +12,10 @@
 
 namespace palpate {
 
-// C3D4 or C3D10, one *ELSET and *MATERIAL a region, anchored nodes fixed (a flag a node of `nodes`), nodal
-// forces (N, one a node; may be empty) in one *STATIC step that prints U of all nodes and the total RF of the
-// anchored ones. SI units; node i is number i + 1. Numbers as %.12e: ccx reads at most 20 characters. Throws
-// Error(geometry | physics | file).
+// C3D4 or C3D10, one *ELSET and *MATERIAL a region (or of all tetrahedra with the same), anchored nodes fixed
+// (a flag a node of `nodes`), nodal forces (N, one a node; may be empty) in one *STATIC step that prints U of
+// all nodes and the total RF of the anchored ones. SI units; node i is number i + 1. Numbers as %.12e: ccx
+// reads at most 20 characters. Throws Error(geometry | physics | file).
 void write_calculix(const std::filesystem::path& path, const TetMesh& mesh, const ElementNodes& nodes,
                     const std::vector<Material>& materials, const std::vector<std::uint8_t>& anchored,
                     const std::vector<Vec3>& forces);

@@ -133,15 +133,11 @@ Lists neighbours_of_nodes(const ElementNodes& nodes, const Lists& tets_of) {
 }
 
 std::vector<Element> elements_of(const TetMesh& mesh, const std::vector<Material>& materials, int threads) {
-  if (materials.size() != mesh.region_names.size())
-    throw Error(ErrorKind::physics, "{} materials for {} regions; give each region one", materials.size(),
-                mesh.region_names.size());
-  for (std::size_t r = 0; r < materials.size(); ++r)
-    require_valid(materials[r], "region '" + mesh.region_names[r] + "'");
+  require_valid(mesh, materials);
   std::vector<Element> elements(mesh.tets.size());
   parallel_for(mesh.tets.size(), 4096, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t e = begin; e < end; ++e) {
-      const Material& m = materials[static_cast<std::size_t>(mesh.regions[e])];
+      const Material& m = material_of(mesh, materials, e);
       const Gradients shape = gradients(corners_of(mesh, mesh.tets[e]));
       elements[e] = {shape, m.lambda() * shape.volume, m.mu() * shape.volume};
     }
@@ -187,6 +183,16 @@ void fill_columns(const ElementNodes& nodes, const std::vector<Element>& element
 }
 
 }  // namespace
+
+void require_valid(const TetMesh& mesh, const std::vector<Material>& materials) {
+  const bool of_regions = materials.size() == mesh.region_names.size();
+  if (!of_regions && materials.size() != mesh.tets.size())
+    throw Error(ErrorKind::physics, "{} materials for {} regions and {} tetrahedra; give each region one",
+                materials.size(), mesh.region_names.size(), mesh.tets.size());
+  for (std::size_t i = 0; i < materials.size(); ++i)
+    require_valid(materials[i],
+                  of_regions ? "region '" + mesh.region_names[i] + "'" : "tetrahedron " + std::to_string(i));
+}
 
 Eigen::Matrix<double, 12, 12> element_stiffness_p1(const std::array<Vec3, 4>& corners,
                                                    const Material& material) {

@@ -19,8 +19,18 @@ Eigen::Matrix<double, 12, 12> element_stiffness_p1(const std::array<Vec3, 4>& co
 Eigen::Matrix<double, 30, 30> element_stiffness_p2(const std::array<Vec3, 4>& corners,
                                                    const Material& material);
 
+// Of a tetrahedron: materials are one a region, or where their number differs from that, one a tetrahedron.
+inline const Material& material_of(const TetMesh& mesh, const std::vector<Material>& materials,
+                                   std::size_t tet) {
+  return materials[materials.size() == mesh.region_names.size() ? static_cast<std::size_t>(mesh.regions[tet])
+                                                                : tet];
+}
+// Error(physics) unless there is one a region or one a tetrahedron, and each is valid.
+void require_valid(const TetMesh& mesh, const std::vector<Material>& materials);
+
 // K over all nodes, 3 unknowns a node (x y z), N/m. Symmetric to the bit; both triangles are stored. Same
-// bits for any thread count. materials: one a region. Throws Error(physics) or Error(geometry).
+// bits for any thread count. materials: one a region or a tetrahedron. Throws Error(physics) or
+// Error(geometry).
 Eigen::SparseMatrix<double> assemble_stiffness(const TetMesh& mesh, const ElementNodes& nodes,
                                                const std::vector<Material>& materials, int threads = 0);
 // The same over linear tetrahedra.

@@ -398,6 +398,9 @@ ContainerReader::~ContainerReader() = default;
 
 int ContainerReader::version() const { return static_cast<int>(integer("palpate_version")); }
 bool ContainerReader::has(const std::string& name) const { return impl_->arrays.count(name) > 0; }
+bool ContainerReader::has_attribute(const std::string& name) const {
+  return impl_->attributes.count(name) > 0;
+}
 
 std::string ContainerReader::text(const std::string& attribute) const {
   return impl_->find_attribute<std::string>(attribute, "text");

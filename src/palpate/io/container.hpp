@@ -44,6 +44,7 @@ class ContainerReader {
   ~ContainerReader();
   int version() const;
   bool has(const std::string& name) const;
+  bool has_attribute(const std::string& name) const;
   std::string text(const std::string& attribute) const;  // these three throw Error(format) when missing
   double number(const std::string& attribute) const;
   std::int64_t integer(const std::string& attribute) const;

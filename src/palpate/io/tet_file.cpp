@@ -35,9 +35,13 @@ std::int64_t decode_integer(const char* from, NumberType type, bool swapped) {
 
 void take_vtk_cells(RawTets& raw, const std::vector<std::int64_t>& connectivity,
                     const std::vector<std::int64_t>& offsets, const std::vector<std::int64_t>& types,
-                    const std::vector<double>& regions, std::int64_t first_node, const Scanner& in) {
-  if (!regions.empty() && regions.size() != types.size())
-    in.fail(fmt::format("{} region numbers for {} cells", regions.size(), types.size()));
+                    const CellArrays& arrays, std::int64_t first_node, const Scanner& in) {
+  const auto require_one_a_cell = [&](const std::vector<double>& values, const char* what) {
+    if (!values.empty() && values.size() != types.size())
+      in.fail(fmt::format("{} {} for {} cells", values.size(), what, types.size()));
+  };
+  require_one_a_cell(arrays.regions, "region numbers");
+  for (const auto& values : arrays.material) require_one_a_cell(values, "values of a material");
   for (std::size_t i = 0; i < types.size(); ++i) {
     const std::int64_t begin = offsets[i], end = offsets[i + 1];
     if (begin < 0 || end < begin || static_cast<std::uint64_t>(end) > connectivity.size())
@@ -59,7 +63,9 @@ void take_vtk_cells(RawTets& raw, const std::vector<std::int64_t>& connectivity,
     }
     raw.tets.push_back(t);
     raw.higher_order += end - begin > 4;
-    raw.tags.push_back(regions.empty() ? 0.0 : regions[i]);
+    raw.tags.push_back(arrays.regions.empty() ? 0.0 : arrays.regions[i]);
+    for (std::size_t m = 0; m < arrays.material.size(); ++m)
+      if (!arrays.material[m].empty()) raw.material[m].push_back(arrays.material[m][i]);
   }
 }
 
@@ -67,8 +73,15 @@ void take_vtk_names(RawTets& raw, const std::vector<std::string>& names) {
   for (std::size_t i = 0; i < names.size(); ++i) raw.names[static_cast<double>(i)] = names[i];
 }
 
-bool is_region_array(std::string_view name) {
-  return name == "region" || name == "CellEntityIds" || name == "gmsh:physical";
+// Regions: our name, VMTK's, meshio's. Materials: our names, and those of convert.
+std::vector<double>* CellArrays::of(std::string_view name) {
+  std::vector<double>* found = name == "region" || name == "CellEntityIds" || name == "gmsh:physical"
+                                   ? &regions
+                               : name == "young" || name == "young_Pa"        ? &material[0]
+                               : name == "poisson"                            ? &material[1]
+                               : name == "density" || name == "density_kg_m3" ? &material[2]
+                                                                              : nullptr;
+  return found && found->empty() ? found : nullptr;
 }
 
 namespace {
@@ -211,6 +224,11 @@ TetFile finish(const std::string& file, RawTets raw, double unit) {
     for (Index& v : t) v = kept[static_cast<std::size_t>(v)];
   name_regions(file, raw, mesh);
   for (const Tetrahedron& t : mesh.tets) result.inverted += six_volume(mesh, t) < 0;
+  for (const auto& values : raw.material)
+    if (!values.empty() && values.size() != raw.tets.size())
+      throw Error(ErrorKind::format, "{}: a material's cell array is in some of its pieces only", file);
+  result.young = std::move(raw.material[0]), result.poisson = std::move(raw.material[1]);
+  result.density = std::move(raw.material[2]);
   result.format = raw.format;
   result.higher_order = raw.higher_order, result.other_cells = raw.other_cells;
   return result;

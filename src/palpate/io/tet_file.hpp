@@ -17,6 +17,9 @@ struct TetFile {
   std::size_t higher_order = 0;  // tetrahedra of ten nodes or more, of which the four corners were taken
   std::size_t other_cells = 0;   // cells that are not tetrahedra, left out
   std::size_t unused_nodes = 0;  // nodes in no tetrahedron, left out
+  // Cell arrays of .vtu and .vtk: "young" (Pa), "poisson", "density" (kg/m3), one a tetrahedron; empty where
+  // the file has none. The unit of length does not change them.
+  std::vector<double> young, poisson, density;
 };
 
 // True when the file looks like one of the above (by content, then extension), so that a program knows which

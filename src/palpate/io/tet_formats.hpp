@@ -23,7 +23,16 @@ struct RawTets {
   std::vector<std::array<std::int64_t, 4>> tets;  // node numbers
   std::vector<double> tags;                       // of each tetrahedron's region; empty: no regions
   std::map<double, std::string> names;            // of tags
+  std::array<std::vector<double>, 3> material;    // as in TetFile: E, nu, density
   std::size_t higher_order = 0, other_cells = 0;  // as in TetFile
+};
+
+// Cell arrays of VTK's formats that mean something here: one value a cell, or empty.
+struct CellArrays {
+  std::vector<double> regions;
+  std::array<std::vector<double>, 3> material;
+  // Where an array of this name is kept; null: it means nothing here, or was there before.
+  std::vector<double>* of(std::string_view name);
 };
 
 RawTets read_gmsh(Scanner& in);
@@ -46,11 +55,9 @@ std::int64_t decode_integer(const char* from, NumberType type, bool swapped);  /
 // cell.
 void take_vtk_cells(RawTets& raw, const std::vector<std::int64_t>& connectivity,
                     const std::vector<std::int64_t>& offsets, const std::vector<std::int64_t>& types,
-                    const std::vector<double>& regions, std::int64_t first_node, const Scanner& in);
+                    const CellArrays& arrays, std::int64_t first_node, const Scanner& in);
 // Names of VTK's regions 0, 1, ...
 void take_vtk_names(RawTets& raw, const std::vector<std::string>& names);
-// Cell arrays that hold regions: ours, Gmsh's, meshio's.
-bool is_region_array(std::string_view name);
 
 // Numbers of regions to write so that a reader finds them in the same order: N where all are called
 // "region N", otherwise 1, 2, ...

@@ -56,7 +56,7 @@ class LegacyReader {
     if (types_.size() + 1 != std::max<std::size_t>(offsets_.size(), 1))
       in_.fail(fmt::format("{} cells but {} cell types", offsets_.empty() ? 0 : offsets_.size() - 1,
                            types_.size()));
-    take_vtk_cells(raw_, connectivity_, offsets_, types_, regions_, 0, in_);
+    take_vtk_cells(raw_, connectivity_, offsets_, types_, cell_arrays_, 0, in_);
     take_vtk_names(raw_, names_);
     return std::move(raw_);
   }
@@ -206,8 +206,9 @@ class LegacyReader {
         reals(components * tuples, "int");
       return;
     }
-    if (cell_data_ && components == 1 && is_region_array(decoded(name)))
-      regions_ = reals(tuples, type);
+    std::vector<double>* values = cell_data_ && components == 1 ? cell_arrays_.of(decoded(name)) : nullptr;
+    if (values)
+      *values = reals(tuples, type);
     else
       skip(components * tuples, type);
   }
@@ -262,7 +263,7 @@ class LegacyReader {
   bool binary_ = false, newer_cells_ = false, cell_data_ = false;
   std::size_t tuples_ = 0;
   std::vector<std::int64_t> connectivity_, offsets_, types_;
-  std::vector<double> regions_;
+  CellArrays cell_arrays_;
   std::vector<std::string> names_;
 };
 

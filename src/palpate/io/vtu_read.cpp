@@ -260,12 +260,12 @@ class VtuReader {
       in_.fail(
           fmt::format("holds {} types and {} offsets for {} cells", types.size(), offsets.size(), cells));
     offsets.insert(offsets.begin(), 0);
-    std::vector<double> regions;
+    CellArrays arrays;
     for (const pugi::xml_node array : piece.child("CellData").children("DataArray"))
-      if (regions.empty() && is_region_array(array.attribute("Name").value()) &&
-          array.attribute("NumberOfComponents").as_int(1) == 1)
-        regions = reals(array, "region");
-    take_vtk_cells(raw_, connectivity, offsets, types, regions, first, in_);
+      if (array.attribute("NumberOfComponents").as_int(1) == 1)
+        if (std::vector<double>* values = arrays.of(array.attribute("Name").value()))
+          *values = reals(array, array.attribute("Name").value());
+    take_vtk_cells(raw_, connectivity, offsets, types, arrays, first, in_);
   }
 
   const std::string& file_;

@@ -14,21 +14,20 @@
 
 namespace palpate {
 
-std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& materials,
-                         const std::vector<Anchor>& anchors, int order) {
+std::uint64_t organ_hash(const Organ& organ) {
+  const TetMesh& mesh = organ.mesh;
   Hash hash;
   for (const Vec3& p : mesh.nodes) hash.add_bytes(p.data(), sizeof(double) * 3);
   hash.add(std::span<const Tetrahedron>(mesh.tets));
   hash.add(std::span<const Index>(mesh.regions));
-  for (const Material& m : materials) {
+  for (const Material& m : organ.materials) {
     const std::array<double, 3> values{m.young, m.poisson, m.density};
     hash.add(std::span<const double>(values));
   }
-  for (const Anchor& a : anchors) {
-    const std::string text = to_string(a);
-    hash.add_bytes(text.data(), text.size() + 1);
-  }
-  if (order != 1) hash.add_bytes(&order, sizeof order);
+  const auto add = [&](const std::string& text) { hash.add_bytes(text.data(), text.size() + 1); };
+  for (const Anchor& a : organ.anchors) add(to_string(a));
+  for (const Bedding& b : organ.beddings) add("bedding " + to_string(b));
+  if (organ.order != 1) hash.add_bytes(&organ.order, sizeof organ.order);
   return hash.value();
 }
 
@@ -100,7 +99,7 @@ Storage choose_storage(const std::array<std::size_t, 4>& need, const BakeOptions
     const Tetrahedron& tet = organ.mesh.tets[t];
     const auto of = nodes.of(t);
     if (std::find(of.begin(), of.end(), node) == of.end()) continue;
-    poisson = std::max(poisson, organ.materials[static_cast<std::size_t>(organ.mesh.regions[t])].poisson);
+    poisson = std::max(poisson, material_of(organ.mesh, organ.materials, t).poisson);
     double edge = 0;
     std::array<Vec3, 4> x;
     for (std::size_t i = 0; i < 4; ++i) x[i] = organ.mesh.nodes[static_cast<std::size_t>(tet[i])];
@@ -167,17 +166,21 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
   organ.mesh = std::move(mesh);
   organ.materials = std::move(materials);
   organ.anchors = std::move(anchors);
+  organ.beddings = options.beddings;
   organ.order = options.order;
   const ElementNodes nodes = element_nodes(organ.mesh, organ.order);
-  const std::vector<std::uint8_t> anchored = anchored_nodes(organ.mesh, organ.anchors);
+  const std::vector<std::uint8_t> anchored =
+      anchored_nodes(organ.mesh, organ.anchors, bedded_nodes(organ.mesh, organ.beddings));
   set_surface(organ, anchored);
-  organ.hash = organ_hash(organ.mesh, organ.materials, organ.anchors, organ.order);
+  organ.hash = organ_hash(organ);
   r.nodes = nodes.size(), r.tets = organ.mesh.tets.size();
   r.surface_nodes = organ.surface_size(), r.free_surface_nodes = organ.node_of_row.size();
 
   Timer timer = wall_timer();
-  const FreeStiffness k = remove_anchored(assemble_stiffness(organ.mesh, nodes, organ.materials, threads),
-                                          with_middles(anchored, nodes));
+  Eigen::SparseMatrix<double> stiffness = assemble_stiffness(organ.mesh, nodes, organ.materials, threads);
+  add_bedding(organ.mesh, nodes, organ.beddings, stiffness);
+  const FreeStiffness k = remove_anchored(stiffness, with_middles(anchored, nodes));
+  stiffness = {};
   r.assemble_seconds = timer.seconds();
   progress.at(0.02);
 

@@ -9,6 +9,7 @@
 #include "palpate/base/progress.hpp"
 #include "palpate/compliance/compliance.hpp"
 #include "palpate/elasticity/anchor.hpp"
+#include "palpate/elasticity/bedding.hpp"
 #include "palpate/elasticity/hats.hpp"
 #include "palpate/elasticity/material.hpp"
 #include "palpate/geometry/tet_mesh.hpp"
@@ -19,8 +20,9 @@ namespace palpate {
 struct Organ {
   int order = 1;                    // of the tetrahedra: 1 linear, 2 quadratic (straight-sided)
   TetMesh mesh;                     // at rest, m
-  std::vector<Material> materials;  // one a region
+  std::vector<Material> materials;  // one a region, or one a tetrahedron (material_of)
   std::vector<Anchor> anchors;      // as given
+  std::vector<Bedding> beddings;    // as given
   TriangleMesh surface;  // boundary of the mesh, at rest; its vertices are the surface nodes, numbered 0..s-1
   std::vector<Index> surface_nodes;  // mesh node of each surface node; size s
   // Where each surface node's displacement is read and its force acts, at rest, m: the node itself, or of
@@ -31,7 +33,7 @@ struct Organ {
   std::vector<Index> row_of;       // row of each surface node in the compliance, -1: anchored; size s
   std::vector<Index> node_of_row;  // surface node of each row; size compliance.nodes()
   Compliance compliance;           // between the free contact points, m/N
-  std::uint64_t hash = 0;  // of mesh, materials, anchors and order: what the compliance was computed from
+  std::uint64_t hash = 0;          // of mesh, materials, anchors, beddings, order: what C was computed from
 
   std::size_t surface_size() const { return surface.vertices.size(); }
 };
@@ -41,20 +43,20 @@ struct BakeReport {
   double assemble_seconds = 0, order_seconds = 0, factor_seconds = 0, sweep_seconds = 0;  // wall
 };
 
-// What tetrahedra, and how the compliance is kept (docs/elasticity.md, docs/compliance.md).
+// What tetrahedra, how the compliance is kept, and springs (docs/elasticity.md, docs/compliance.md).
 struct BakeOptions {
   int order = 2;                                    // 1: linear, 2: quadratic tetrahedra
   std::optional<Storage> storage = Storage::dense;  // none: by size and memory
   double tolerance = 1e-3;                          // of the hierarchical storage
   std::size_t memory = 0;                           // bytes that baking may take; 0: what is free
+  std::vector<Bedding> beddings = {};
 };
 
 // Throws Error(geometry | physics | resource); memory is checked before the work starts.
 Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads = 0,
            const Progress& progress = {}, BakeReport* report = nullptr, const BakeOptions& options = {});
 
-std::uint64_t organ_hash(const TetMesh& mesh, const std::vector<Material>& materials,
-                         const std::vector<Anchor>& anchors, int order);
+std::uint64_t organ_hash(const Organ& organ);
 
 // What follows from the rest of the organ: contact_points, projection and areas.
 void set_readings(Organ& organ);

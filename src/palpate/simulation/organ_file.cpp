@@ -52,9 +52,13 @@ class ModelReader {
     organ.mesh.regions = in_.vector<Index>("mesh/regions");
     organ.mesh.region_names = lines(in_.text("region_names"));
     const std::vector<double> m = in_.vector<double>("materials");
-    require(m.size() == 3 * organ.mesh.region_names.size(), "materials do not match the regions");
+    require(m.size() == 3 * organ.mesh.region_names.size() || m.size() == 3 * organ.mesh.tets.size(),
+            "materials do not match the regions");
     for (std::size_t i = 0; i < m.size(); i += 3) organ.materials.push_back({m[i], m[i + 1], m[i + 2]});
     for (const std::string& line : lines(in_.text("anchors"))) organ.anchors.push_back(parse_anchor(line));
+    if (in_.has_attribute("beddings"))
+      for (const std::string& line : lines(in_.text("beddings")))
+        organ.beddings.push_back(parse_bedding(line));
     organ.surface.vertices = points("surface/vertices");
     organ.surface.triangles = cells<3>("surface/triangles", organ.surface.vertices.size());
     organ.surface_nodes = in_.vector<Index>("surface/nodes");
@@ -115,8 +119,8 @@ class ModelReader {
     require(!organ.node_of_row.empty(), "no surface node can move");
     if (!organ.mesh.tets.empty()) {
       require_valid(organ.mesh, path_.string());
-      require(organ.hash == organ_hash(organ.mesh, organ.materials, organ.anchors, organ.order),
-              "mesh, materials or anchors are not those the compliance was computed from");
+      require(organ.hash == organ_hash(organ),
+              "mesh, materials, anchors or beddings are not those the compliance was computed from");
     }
   }
 
@@ -138,6 +142,11 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
   std::vector<std::string> anchors;
   for (const Anchor& a : organ.anchors) anchors.push_back(to_string(a));
   out.attribute("anchors", fmt::format("{}", fmt::join(anchors, "\n")));
+  if (!organ.beddings.empty()) {
+    std::vector<std::string> beddings;
+    for (const Bedding& b : organ.beddings) beddings.push_back(to_string(b));
+    out.attribute("beddings", fmt::format("{}", fmt::join(beddings, "\n")));
+  }
 
   std::vector<double> materials;
   for (const Material& m : organ.materials)
@@ -152,7 +161,8 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
   put("mesh/nodes", flat(organ.mesh.nodes), 3, "m", "nodes at rest");
   put("mesh/tets", flat(organ.mesh.tets), 4, "", "nodes of each tetrahedron");
   put("mesh/regions", organ.mesh.regions, 1, "", "region of each tetrahedron, an index into region_names");
-  put("materials", materials, 3, "Pa, 1, kg/m3", "Young's modulus, Poisson's ratio, density of each region");
+  put("materials", materials, 3, "Pa, 1, kg/m3",
+      "Young's modulus, Poisson's ratio, density of each region or each tetrahedron");
   put("surface/vertices", flat(organ.surface.vertices), 3, "m", "surface nodes at rest");
   put("surface/triangles", flat(organ.surface.triangles), 3, "",
       "surface nodes of each triangle, counter-clockwise from outside");

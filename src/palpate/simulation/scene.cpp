@@ -6,12 +6,14 @@
 #include <cmath>
 #include <sstream>
 
+#include "palpate/elasticity/tissues.hpp"
 #include "palpate/geometry/shapes.hpp"
 #include "palpate/io/atomic_file.hpp"
 #include "palpate/io/surface_file.hpp"
 #include "palpate/io/tet_file.hpp"
 #include "palpate/lattice/lattice_file.hpp"
 #include "palpate/pad/pad.hpp"
+#include "palpate/simulation/materials.hpp"
 
 namespace palpate {
 
@@ -147,36 +149,38 @@ class Table {
   std::vector<std::string> known_;
 };
 
-// Materials of the regions, in their order.
-std::vector<Material> read_materials(Table& organ, const std::vector<std::string>& regions) {
-  std::vector<Material> out(regions.size());
-  std::vector<bool> given(regions.size(), false);
+// Materials of the regions, in their order; or of the tetrahedra, where the file has them.
+std::vector<Material> read_materials(Table& organ, const TetFile& file) {
+  std::vector<RegionMaterial> given;
   for (auto& [region, table] : organ.children("materials")) {
-    const auto at = std::find(regions.begin(), regions.end(), region);
-    if (at == regions.end())
+    const std::vector<std::string>& regions = file.mesh.region_names;
+    if (std::find(regions.begin(), regions.end(), region) == regions.end())
       table.fail("", fmt::format("there is no region '{}'; there are {}", region, fmt::join(regions, ", ")));
-    Material& m = out[static_cast<std::size_t>(at - regions.begin())];
-    m.young = table.quantity("young", 0, pressure_units);
-    m.poisson = table.quantity("poisson", 0, no_units);
-    m.density = table.quantity("density", 1000, density_units);
+    Material m;
+    if (table.has("tissue")) m = parse_material(table.text("tissue", ""), region);
+    m.young = table.quantity("young", m.young, pressure_units);
+    m.poisson = table.quantity("poisson", m.poisson, no_units);
+    m.density = table.quantity("density", m.density, density_units);
     table.no_other_keys();
     require_valid(m, region);
-    given[static_cast<std::size_t>(at - regions.begin())] = true;
+    given.push_back({region, m});
   }
-  for (std::size_t r = 0; r < regions.size(); ++r)
-    if (!given[r])
-      organ.fail(
-          "materials",
-          fmt::format("no material for region '{}': materials.{} = {{ young = \"10 kPa\", poisson = 0.45 }}",
-                      regions[r], regions[r]));
-  return out;
+  try {
+    return materials_of(file, given);
+  } catch (const Error& e) {
+    organ.fail("materials", fmt::format("{} (materials.{} = {{ young = \"10 kPa\", poisson = 0.45 }}, or {{ "
+                                        "tissue = \"liver\" }})",
+                                        e.what(), file.mesh.region_names.at(0)));
+  }
 }
 
-TetMesh read_or_pad(Table& organ, double unit, const Progress& progress) {
-  if (organ.has("tets")) return read_tets(organ.path("tets"), unit).mesh;
+TetFile read_or_pad(Table& organ, double unit, const Progress& progress) {
+  if (organ.has("tets")) return read_tets(organ.path("tets"), unit);
+  TetFile out;
   if (organ.has("kidney")) {
     const auto nodes = static_cast<int>(organ.whole("kidney", 0, 50, 100000));
-    return pad_delaunay(make_kidney(nodes), {{"stone", make_stone(150)}}, {}, progress).mesh;
+    out.mesh = pad_delaunay(make_kidney(nodes), {{"stone", make_stone(150)}}, {}, progress).mesh;
+    return out;
   }
   std::vector<NamedSurface> inner;
   for (auto& [name, table] : organ.children("regions")) {
@@ -194,7 +198,8 @@ TetMesh read_or_pad(Table& organ, double unit, const Progress& progress) {
   options.repair = organ.flag("repair", false);
   if (!organ.has("surface"))
     organ.fail("", "say model = \"x.h5\", tets = \"x.vtu\", surface = \"x.stl\" or kidney = 1000");
-  return pad(read_surface(organ.path("surface"), unit).mesh, inner, options, progress).mesh;
+  out.mesh = pad(read_surface(organ.path("surface"), unit).mesh, inner, options, progress).mesh;
+  return out;
 }
 
 Organ read_organ_table(Table organ, int threads, const Progress& progress) {
@@ -203,14 +208,16 @@ Organ read_organ_table(Table organ, int threads, const Progress& progress) {
     out = read_organ(organ.path("model"), true, progress);
   } else {
     const double unit = unit_in_metres(organ.text("unit", "m"));
-    TetMesh mesh = read_or_pad(organ, unit, progress);
-    std::vector<Material> materials = read_materials(organ, mesh.region_names);
+    TetFile file = read_or_pad(organ, unit, progress);
+    std::vector<Material> materials = read_materials(organ, file);
     std::vector<Anchor> anchors;
     for (const std::string& text : organ.texts("anchors")) anchors.push_back(parse_anchor(text, unit));
     BakeOptions options;
     options.order = static_cast<int>(organ.whole("order", 2, 1, 2));
-    out =
-        bake(std::move(mesh), std::move(materials), std::move(anchors), threads, progress, nullptr, options);
+    for (const std::string& text : organ.texts("beddings"))
+      options.beddings.push_back(parse_bedding(text, unit));
+    out = bake(std::move(file.mesh), std::move(materials), std::move(anchors), threads, progress, nullptr,
+               options);
   }
   organ.no_other_keys();
   return out;

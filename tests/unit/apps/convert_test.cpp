@@ -46,7 +46,10 @@ TEST_F(Convert, TetrahedraThroughEveryFormat) {
   EXPECT_EQ(read_tets(folder / "g.mesh").mesh.tets, two_tets().tets);
   done("e.vtu", "h.stl", "--to-unit mm");
   EXPECT_EQ(read_surface(folder / "h.stl", 0.001).mesh.triangles.size(), 6u);
-  refused("e.vtu", "h.inp", ErrorKind::usage);
+  done("e.vtu", "h.inp");
+  EXPECT_NE(read_file(folder / "h.inp").find("TYPE=C3D10"), std::string::npos);
+  refused("e.vtu", "i.inp", ErrorKind::usage, "--material stone=1e4,0.3");
+  refused("e.vtu", "i.inp", ErrorKind::usage, "--to-unit mm");
   refused("e.vtu", "h", ErrorKind::usage);
   refused("absent.vtu", "h.msh", ErrorKind::file);
   refused("e.vtu", "no/such/h.msh", ErrorKind::file);

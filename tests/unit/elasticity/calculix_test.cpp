@@ -21,21 +21,32 @@ INSTANTIATE_TEST_SUITE_P(Orders, CalculixReference, testing::Values(1, 2));
 TEST_P(CalculixReference, BlockOfOneMaterial) {
   const int n = GetParam() == 1 ? 8 : 5;
   compare_with_calculix("block", GetParam(), jittered_block({n + 2, n + 1, n}), {{10e3, 0.45}},
-          "half-space 0 0 0.03 0 0 1");
+                        "half-space 0 0 0.03 0 0 1");
 }
 
 TEST_P(CalculixReference, Beam) {
   const int n = GetParam() == 1 ? 4 : 2;
   compare_with_calculix("beam", GetParam(), make_block({Vec3::Zero(), Vec3(0.2, 0.02, 0.02)}, {10 * n, n, n}),
-          {{1e6, 0.3}}, "half-space 0 0 0 1 0 0");
+                        {{1e6, 0.3}}, "half-space 0 0 0 1 0 0");
 }
 
 TEST_P(CalculixReference, GradedBracketOfThreeMaterials) {
   const TetMesh mesh = graded_bracket(GetParam() == 1 ? 16 : 8);
-  compare_with_calculix("bracket, one material", GetParam(), mesh, std::vector<Material>(3, Material{10e3, 0.45}),
-          "box -1 -1 -1 1 1 -0.0399");
-  compare_with_calculix("bracket, three materials", GetParam(), mesh, {{5e3, 0.3}, {10e3, 0.45}, {500e3, 0.49}},
-          "box -1 -1 -1 1 1 -0.0399");
+  compare_with_calculix("bracket, one material", GetParam(), mesh,
+                        std::vector<Material>(3, Material{10e3, 0.45}), "box -1 -1 -1 1 1 -0.0399");
+  compare_with_calculix("bracket, three materials", GetParam(), mesh,
+                        {{5e3, 0.3}, {10e3, 0.45}, {500e3, 0.49}}, "box -1 -1 -1 1 1 -0.0399");
+}
+
+TEST_P(CalculixReference, EachTetrahedronItsOwnMaterial) {
+  const int n = GetParam() == 1 ? 6 : 4;
+  const TetMesh mesh = jittered_block({n, n, n});
+  std::vector<Material> materials;
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t)
+    materials.push_back(
+        {1e3 * (5.0 + static_cast<double>(t * 7919 % 101)), 0.2 + 0.01 * static_cast<double>(t % 25)});
+  compare_with_calculix("block, a material each tetrahedron", GetParam(), mesh, materials,
+                        "half-space 0 0 0.03 0 0 1");
 }
 
 std::string deck_of(const TetMesh& mesh, const std::vector<Material>& materials,
@@ -87,7 +98,9 @@ TEST(CalculixDeck, BadInputIsNamedAndLeavesNoFile) {
   EXPECT_THROW(write_calculix(path, mesh, element_nodes(mesh, 1), {{1e4, 0.5}}, none, {}), Error);
   EXPECT_THROW(write_calculix(path, mesh, element_nodes(mesh, 1), {{1e4, 0.3}}, {}, {}), Error);
   EXPECT_THROW(write_calculix(path, mesh, element_nodes(mesh, 1), {{1e4, 0.3}}, none, {Vec3::Zero()}), Error);
-  EXPECT_THROW(write_calculix("/nonexistent/folder/a.inp", mesh, element_nodes(mesh, 1), {{1e4, 0.3}}, none, {}), Error);
+  EXPECT_THROW(
+      write_calculix("/nonexistent/folder/a.inp", mesh, element_nodes(mesh, 1), {{1e4, 0.3}}, none, {}),
+      Error);
   EXPECT_FALSE(std::filesystem::exists(path));
 }
 

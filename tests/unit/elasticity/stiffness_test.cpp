@@ -63,6 +63,23 @@ TEST_P(Orders, PatchTest) {
   }
 }
 
+TEST_P(Orders, MaterialsOfTetrahedraOrOfRegions) {
+  const TetMesh mesh = graded_bracket(4);
+  const ElementNodes nodes = element_nodes(mesh, GetParam());
+  const std::vector<Material> of_regions{tissue, {20e3, 0.3}, {1e6, 0.49}};
+  std::vector<Material> of_tets;
+  for (const Index r : mesh.regions) of_tets.push_back(of_regions[static_cast<std::size_t>(r)]);
+  EXPECT_EQ(Dense(assemble_stiffness(mesh, nodes, of_tets)),
+            Dense(assemble_stiffness(mesh, nodes, of_regions)));
+  of_tets[3].young *= 2;
+  EXPECT_NE(Dense(assemble_stiffness(mesh, nodes, of_tets)),
+            Dense(assemble_stiffness(mesh, nodes, of_regions)));
+  of_tets[3].poisson = 0.5;
+  EXPECT_THROW(assemble_stiffness(mesh, nodes, of_tets), Error);
+  of_tets.pop_back();
+  EXPECT_THROW(assemble_stiffness(mesh, nodes, of_tets), Error);
+}
+
 TEST_P(Orders, RigidMotionsGiveNoForce) {
   const TetMesh mesh = graded_bracket(8);
   const ElementNodes nodes = element_nodes(mesh, GetParam());
@@ -99,8 +116,8 @@ TEST_P(Orders, SymmetricToTheBitWithSixFreeMotionsAndPositiveDefiniteOnceAnchore
   EXPECT_GT(held[0], 1e-4 * largest);
 }
 
-// The energy of a quadratic field is that of its strain, integrated exactly over the block: u = (a x^2, b x y,
-// c z^2) has divergence 2 a x + b x + 2 c z.
+// The energy of a quadratic field is that of its strain, integrated exactly over the block: u = (a x^2, b x
+// y, c z^2) has divergence 2 a x + b x + 2 c z.
 TEST(Stiffness, QuadraticTetrahedraKnowQuadraticFields) {
   const TetMesh mesh = jittered_block({3, 2, 2});
   const ElementNodes nodes = element_nodes(mesh, 2);
