@@ -1,7 +1,7 @@
 // What a file holds: surface, tetrahedra, label volume, lattice or model.
 #include "info.hpp"
 
-#include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <map>
@@ -116,12 +116,20 @@ void info_tets(const InfoOptions& options, const Console& console) {
   facts.add("quality",
             fmt::format("dihedral angles {:.1f} to {:.1f} degrees, {} below 5, {} inverted or flat",
                         q.min_dihedral, q.max_dihedral, count(q.slivers, "sliver", "slivers"), q.inverted));
+  if (q.worst >= 0) facts.add("worst", fmt::format("tetrahedron {} (from 0)", q.worst));
+  if (q.inverted > 0)
+    facts.add("inverted", fmt::format("tetrahedra {}{} (from 0)", fmt::join(q.inverted_at, ", "),
+                                      q.inverted > 10 ? ", ..." : ""));
+  for (const auto& [name, text] : histogram_lines(q)) facts.add(name, text);
   facts.object["quality"] = {{"min_dihedral_deg", q.min_dihedral},
                              {"max_dihedral_deg", q.max_dihedral},
                              {"slivers", q.slivers},
                              {"inverted", q.inverted},
                              {"worst_tet", q.worst},
-                             {"histogram_10_deg", q.histogram}};
+                             {"inverted_tets", q.inverted_at},
+                             {"histogram_10_deg", q.histogram},
+                             {"volume_m3", {q.min_volume, q.max_volume}},
+                             {"histogram_volume_over_mean_log2_from_minus_11", q.volumes}};
   const MeshReport report = check(boundary(mesh).surface);
   facts.add("boundary", fmt::format("{} on {}", count(report.triangles, "triangle", "triangles"),
                                     count(report.vertices, "node", "nodes")));
@@ -172,6 +180,23 @@ void info_labels(const InfoOptions& options, const Console& console) {
 
 std::string count(std::size_t n, const std::string& one, const std::string& many) {
   return fmt::format("{} {}", n, n == 1 ? one : many);
+}
+
+std::string bars(std::span<const std::size_t> counts) {
+  static constexpr const char* levels[] = {" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
+  const std::size_t most = *std::max_element(counts.begin(), counts.end());
+  std::string text;
+  for (const std::size_t n : counts)
+    text += levels[n == 0 ? 0 : std::max<std::size_t>(1, (8 * n + most / 2) / most)];
+  return text;
+}
+
+std::vector<std::pair<std::string, std::string>> histogram_lines(const TetQuality& q) {
+  const double per = q.max_volume < 1e-6 ? 1e9 : 1e6;
+  return {{"angles", fmt::format("0 |{}| 180 degrees, bins of 10", bars(q.histogram))},
+          {"volumes",
+           fmt::format("mean / 2^11 |{}| mean x 2^6, bins of a factor of 2; {:.3g} to {:.3g} {}",
+                       bars(q.volumes), per * q.min_volume, per * q.max_volume, per == 1e9 ? "mm3" : "cm3")}};
 }
 
 void Facts::add_box(const Box& box, const std::string& unit) {

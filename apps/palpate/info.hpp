@@ -2,11 +2,12 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "commands.hpp"
-#include "palpate/base/vec.hpp"
+#include "palpate/geometry/tet_mesh.hpp"
 
 namespace palpate {
 
@@ -22,6 +23,11 @@ struct Facts {
 };
 
 std::string count(std::size_t n, const std::string& one, const std::string& many);  // "1 edge", "2 edges"
+
+// Counts as a row of bars, the largest full: "▁▂▅█▃". Where there is anything, at least the lowest bar.
+std::string bars(std::span<const std::size_t> counts);
+// Lines "angles" and "volumes": histograms of a mesh's tetrahedra.
+std::vector<std::pair<std::string, std::string>> histogram_lines(const TetQuality& q);
 
 // info_files.cpp: a lattice or a model.
 void info_container(const InfoOptions& options, const std::string& kind, const Console& console);

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "info.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/geometry/check.hpp"
 #include "palpate/io/nifti.hpp"
@@ -159,6 +160,7 @@ json as_json(const PadReport& r, const std::vector<Region>& regions, bool stuffe
               {"regions", json::array()}};
   for (const Vec3& p : r.missing_at) object["missing_at_m"].push_back({p.x(), p.y(), p.z()});
   object["histogram_10deg"] = q.histogram;
+  object["histogram_volume_over_mean_log2_from_minus_11"] = q.volumes;
   if (stuffed) {
     object.update({{"surface_nodes", r.surface_nodes},
                    {"warped_nodes", r.warped},
@@ -212,6 +214,7 @@ void show(const PadCommandOptions& o, const SurfaceFile& file, const Padded& pad
        fmt::format("dihedral angles {:.1f} to {:.1f} degrees, {} slivers (below 5){}", r.quality.min_dihedral,
                    r.quality.max_dihedral, r.quality.slivers,
                    r.slivers_removed ? fmt::format(", {} flat ones peeled off", r.slivers_removed) : ""));
+  for (const auto& [name, text] : histogram_lines(r.quality)) line(name.c_str(), text);
   line("boundary", stuffed ? distance_line(r, check(file.mesh).area) : missing_line(r));
   line("time", fmt::format("{}, peak memory {}", human_time(seconds), human_bytes(peak_resident_bytes())));
   line("written", o.output.string());

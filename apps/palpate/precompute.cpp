@@ -53,9 +53,9 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
   Timer timer = wall_timer();
   TetFile file = read_tets(options.input, unit);
   if (file.inverted)
-    throw Error(ErrorKind::geometry,
-                "{}: {} tetrahedra are inverted; repair the mesh (palpate info shows them)",
-                options.input.string(), file.inverted);
+    throw Error(ErrorKind::geometry, "{}: {} tetrahedra are inverted (from 0: {}{}); mend the mesh",
+                options.input.string(), file.inverted, fmt::join(quality(file.mesh).inverted_at, ", "),
+                file.inverted > 10 ? ", ..." : "");
   stage_line(console, "mesh",
              fmt::format("{} nodes, {} tetrahedra, regions {}", file.mesh.nodes.size(), file.mesh.tets.size(),
                          fmt::join(file.mesh.region_names, ", ")),

@@ -82,7 +82,9 @@ TetQuality quality(const TetMesh& mesh) {
   for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
     const double v = six_volume(mesh, mesh.tets[i]) / 6;
     q.volume += v;
-    if (!(v > 0)) ++q.inverted;
+    if (!(v > 0) && ++q.inverted <= 10) q.inverted_at.push_back(static_cast<Index>(i));
+    q.min_volume = i == 0 ? v : std::min(q.min_volume, v);
+    q.max_volume = i == 0 ? v : std::max(q.max_volume, v);
     double smallest = 180;
     for (const double angle : dihedrals(mesh, mesh.tets[i])) {
       smallest = std::min(smallest, angle);
@@ -93,6 +95,11 @@ TetQuality quality(const TetMesh& mesh) {
     if (smallest < q.min_dihedral) q.min_dihedral = smallest, q.worst = static_cast<Index>(i);
   }
   if (mesh.tets.empty()) q.min_dihedral = 0;
+  const double mean = q.volume / static_cast<double>(std::max<std::size_t>(mesh.tets.size(), 1));
+  for (const Tetrahedron& t : mesh.tets) {
+    const double log = std::log2(std::max(six_volume(mesh, t) / 6 / mean, 1e-30));  // NaN: the first bin
+    ++q.volumes[log >= -10 ? static_cast<std::size_t>(std::min(log + 11, 16.0)) : 0];
+  }
   return q;
 }
 

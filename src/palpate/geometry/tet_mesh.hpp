@@ -32,8 +32,12 @@ struct TetQuality {
   double min_dihedral = 0, max_dihedral = 0;  // degrees
   std::size_t inverted = 0;                   // tetrahedra with volume <= 0
   std::size_t slivers = 0;                    // smallest dihedral angle below 5 degrees
+  std::vector<Index> inverted_at;             // the first ten of them
   Index worst = -1;                           // tetrahedron with the smallest dihedral angle
   std::array<std::size_t, 18> histogram{};    // all dihedral angles, bins of 10 degrees
+  double min_volume = 0, max_volume = 0;      // m3, of a tetrahedron
+  // Volumes over their mean, bins of a factor of two; the first: below 2^-10, the last: above 2^5.
+  std::array<std::size_t, 17> volumes{};
 };
 TetQuality quality(const TetMesh& mesh);
 

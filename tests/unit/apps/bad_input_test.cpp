@@ -111,6 +111,23 @@ TEST_F(BadInput, NoAnchorAndNoMaterial) {
   for (const std::string e : {"0", "-5", "nan", "inf"})
     expect_refused(precompute + anchor + "--material " + e + ",0.4", ErrorKind::physics, "Young's modulus");
   expect_refused(precompute + anchor + "--material bone=1e4,0.4", ErrorKind::usage, "bone");
+  expect_refused(precompute + anchor + "--material cheese", ErrorKind::usage, "liver");
+  expect_refused(precompute + material + "--bedding 'half-space 0 0 0 0 0 1'", ErrorKind::usage, "N/m3");
+  expect_refused(precompute + material + "--bedding '1e5 half-space 0 0 9 0 0 -1'", ErrorKind::physics,
+                 "no triangle");
+  const Ran bedded =
+      run_palpate(precompute + "--material liver --order 1 --bedding '1e5 half-space 0 0 0 0 0 1'");
+  EXPECT_EQ(bedded.exit_code, 0) << bedded.output;  // springs are enough
+}
+
+TEST_F(BadInput, InvertedTetrahedraAreNumbered) {
+  folder.write(
+      "a.mesh",
+      "MeshVersionFormatted 2\nDimension 3\nVertices\n5\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 1 1 0\n"
+      "Tetrahedra\n2\n1 2 3 4 1\n3 2 4 5 1\nEnd\n");
+  expect_refused("precompute " + at("a.mesh") + " -o " + at("o.h5") + anchor + material, ErrorKind::geometry,
+                 "1 tetrahedra are inverted (from 0: 1)");
+  EXPECT_NE(run_palpate("info " + at("a.mesh")).output.find("tetrahedra 1 (from 0)"), std::string::npos);
 }
 
 TEST_F(BadInput, AbsurdSizes) {
