@@ -20,7 +20,7 @@ Kidney pad_kidney(int surface_nodes) {
 Organ bake_kidney(int surface_nodes, int order, int threads) {
   Kidney kidney = pad_kidney(surface_nodes);
   return bake(std::move(kidney.mesh), std::move(kidney.materials), std::move(kidney.anchors), threads, {},
-              nullptr, {.order = order});
+              nullptr, {.order = order, .pinch = false});
 }
 
 TriangleMesh bishop() {

@@ -41,6 +41,8 @@ struct PrecomputeOptions {
   std::vector<std::string> materials;  // REGION=E,nu[,density] or REGION=TISSUE
   std::vector<std::string> anchors;    // grammar of parse_anchor, lengths in file units
   std::vector<std::string> beddings;   // grammar of parse_bedding
+  std::filesystem::path drawing;       // finer surface to draw; empty: none
+  bool pinch = true;                   // estimate the discretisation error
   int order = 2;                       // of the tetrahedra: 1 or 2
   std::string storage = "auto";        // auto | dense | half | factored | hierarchical
   double tolerance = 1e-3;             // of the hierarchical storage

@@ -69,6 +69,7 @@ Organ make_organ(const DemoOptions& options, const Console& console) {
              r.assemble_seconds, 0);
   stage_line(console, "factor", fmt::format("{} entries of L", r.factor_entries),
              r.order_seconds + r.factor_seconds, 8 * r.factor_entries);
+  stage_line(console, "error", to_string(organ.discretisation), r.pinch_seconds, 0);
   stage_line(console, "compliance", organ.compliance.storage(), r.sweep_seconds, organ.compliance.bytes());
   timer = wall_timer();
   const std::filesystem::path path = options.output / "kidney.h5";

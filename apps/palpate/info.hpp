@@ -29,6 +29,9 @@ std::string bars(std::span<const std::size_t> counts);
 // Lines "angles" and "volumes": histograms of a mesh's tetrahedra.
 std::vector<std::pair<std::string, std::string>> histogram_lines(const TetQuality& q);
 
+// What is drawn in place of the organ's surface, and how far it is off; errors below 0: not known.
+std::string drawing_text(std::size_t triangles, std::size_t vertices, double rms, double most);
+
 // info_files.cpp: a lattice or a model.
 void info_container(const InfoOptions& options, const std::string& kind, const Console& console);
 

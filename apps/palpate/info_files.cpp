@@ -149,6 +149,22 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
                                          in.number("error"), in.number("tolerance")));
     facts.object["certified_error"] = in.number("error"), facts.object["tolerance"] = in.number("tolerance");
   }
+  const Discretisation error = read_discretisation(in);
+  facts.add("error", to_string(error));
+  if (error.against)
+    facts.object["discretisation"] = {{"too_stiff", error.stiffness},
+                                      {"displacement_error", error.displacement},
+                                      {"against_order", error.against},
+                                      {"jaw_at_m", {error.at.x(), error.at.y(), error.at.z()}},
+                                      {"jaw_radius_m", error.radius}};
+  if (in.has("drawing/vertices")) {
+    facts.object["drawing"] = {{"vertices", rows(in, "drawing/vertices")},
+                               {"triangles", rows(in, "drawing/triangles")},
+                               {"error_rms", in.number("drawing_error_rms")},
+                               {"error_max", in.number("drawing_error_max")}};
+    facts.add("drawing", drawing_text(rows(in, "drawing/triangles"), rows(in, "drawing/vertices"),
+                                      in.number("drawing_error_rms"), in.number("drawing_error_max")));
+  }
   facts.add("made of", in.text("provenance"));
   facts.object.update({{"nodes", nodes},
                        {"tets", tets},
@@ -162,6 +178,14 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
 }
 
 }  // namespace
+
+std::string drawing_text(std::size_t triangles, std::size_t vertices, double rms, double most) {
+  std::string text = fmt::format("{} triangles on {} vertices", triangles, vertices);
+  if (rms >= 0)
+    text += fmt::format("; its displacement is off by {:.2g} % of the largest (RMS; most {:.2g} %)",
+                        100 * rms, 100 * most);
+  return text;
+}
 
 void info_container(const InfoOptions& options, const std::string& kind, const Console& console) {
   Facts facts(options.input, kind);

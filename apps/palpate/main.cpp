@@ -100,6 +100,10 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
                 "as in \"2e5 half-space 0 0 -0.02 0 0 1\"")
       ->allow_extra_args(false);
   c->add_option(
+      "--drawing", o.drawing,
+      "finer surface of the organ, in the unit of the input: rides on it and is drawn in its place");
+  c->add_flag("!--no-pinch", o.pinch, "leave out the estimate of the discretisation error");
+  c->add_option(
        "--order", o.order,
        "of the tetrahedra: 2 quadratic, accurate near nu = 0.5; 1 linear, quicker to precompute, too "
        "stiff on coarse meshes. Online both cost the same")

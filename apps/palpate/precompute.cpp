@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "info.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/compliance/storage.hpp"
 #include "palpate/io/surface_file.hpp"
@@ -47,6 +48,8 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
   BakeOptions bake_options{options.order, parse_storage(options.storage), options.tolerance,
                            parse_memory(options.memory)};
   for (const std::string& text : options.beddings) bake_options.beddings.push_back(parse_bedding(text, unit));
+  if (!options.drawing.empty()) bake_options.drawing = read_surface(options.drawing, unit).mesh;
+  bake_options.pinch = options.pinch;
   if (!(bake_options.tolerance >= smallest_tolerance && bake_options.tolerance < 1))
     throw Error(ErrorKind::usage, "--tolerance {}: {} to 1; for exact compliances use --storage factored",
                 bake_options.tolerance, smallest_tolerance);
@@ -82,6 +85,12 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
              fmt::format("{} of {} surface nodes are free; {}", r.free_surface_nodes, r.surface_nodes,
                          organ.compliance.storage()),
              r.sweep_seconds, organ.compliance.bytes());
+  if (options.pinch) stage_line(console, "error", to_string(organ.discretisation), r.pinch_seconds, 0);
+  if (!organ.drawing.empty())
+    console.line(fmt::format(
+        "{:<11} {}", "drawing",
+        drawing_text(organ.drawing.surface.triangles.size(), organ.drawing.surface.vertices.size(),
+                     organ.drawing.error_rms, organ.drawing.error_max)));
   const auto* hierarchical = organ.compliance.as<HierarchicalCompliance>();
   if (hierarchical)
     console.line(
@@ -93,22 +102,28 @@ void run_precompute(const PrecomputeOptions& options, const Console& console) {
               console.progress("write"));
   stage_line(console, "model", options.output.string(), timer.seconds(),
              std::filesystem::file_size(options.output));
-  console.object({{"model", options.output.string()},
-                  {"nodes", r.nodes},
-                  {"tets", r.tets},
-                  {"order", organ.order},
-                  {"surface_nodes", r.surface_nodes},
-                  {"free_surface_nodes", r.free_surface_nodes},
-                  {"factor_entries", r.factor_entries},
-                  {"assemble_s", r.assemble_seconds},
-                  {"order_s", r.order_seconds},
-                  {"factor_s", r.factor_seconds},
-                  {"sweep_s", r.sweep_seconds},
-                  {"storage", organ.compliance.storage()},
-                  {"storage_bytes", organ.compliance.bytes()},
-                  {"certified_error", hierarchical ? nlohmann::json(hierarchical->matrix().error) : nullptr},
-                  {"bytes", std::filesystem::file_size(options.output)},
-                  {"peak_memory_bytes", peak_resident_bytes()}});
+  console.object(
+      {{"model", options.output.string()},
+       {"nodes", r.nodes},
+       {"tets", r.tets},
+       {"order", organ.order},
+       {"surface_nodes", r.surface_nodes},
+       {"free_surface_nodes", r.free_surface_nodes},
+       {"factor_entries", r.factor_entries},
+       {"assemble_s", r.assemble_seconds},
+       {"order_s", r.order_seconds},
+       {"factor_s", r.factor_seconds},
+       {"sweep_s", r.sweep_seconds},
+       {"pinch_s", r.pinch_seconds},
+       {"too_stiff", options.pinch ? nlohmann::json(organ.discretisation.stiffness) : nullptr},
+       {"displacement_error", options.pinch ? nlohmann::json(organ.discretisation.displacement) : nullptr},
+       {"drawing_error_rms",
+        organ.drawing.error_rms >= 0 ? nlohmann::json(organ.drawing.error_rms) : nullptr},
+       {"storage", organ.compliance.storage()},
+       {"storage_bytes", organ.compliance.bytes()},
+       {"certified_error", hierarchical ? nlohmann::json(hierarchical->matrix().error) : nullptr},
+       {"bytes", std::filesystem::file_size(options.output)},
+       {"peak_memory_bytes", peak_resident_bytes()}});
 }
 
 }  // namespace palpate

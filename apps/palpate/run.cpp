@@ -27,10 +27,10 @@ Shot take_shot(const Model& model, const State& state, const Input& input) {
   Shot shot;
   shot.time = input.time;
   for (const Wrench& w : state.wrenches) shot.force = std::max(shot.force, w.force.norm());
-  for (std::size_t i = 0; i < model.organ.surface_size(); ++i) {
-    shot.vertices.push_back(deformed(model, state, static_cast<Index>(i)));
-    shot.millimetres.push_back(1e3f * state.displacement[i].norm());
-  }
+  shot.vertices = drawn_vertices(model, state);
+  const std::vector<Vec3>& rest = drawn_surface(model.organ).vertices;
+  for (std::size_t i = 0; i < rest.size(); ++i)
+    shot.millimetres.push_back(static_cast<float>(1e3 * (shot.vertices[i] - state.organ * rest[i]).norm()));
   for (std::size_t i = 0; i < model.instruments.size(); ++i) {
     shot.instruments.emplace_back();
     for (const Vec3& v : model.instruments[i].surface.vertices)
@@ -71,7 +71,7 @@ void draw(const Scene& scene, const std::vector<Shot>& shots, const RunOptions& 
   for (const Shot& s : shots) {
     std::vector<DrawnMesh> meshes(1);
     meshes[0].vertices = s.vertices;
-    meshes[0].triangles = scene.model.organ.surface.triangles;
+    meshes[0].triangles = drawn_surface(scene.model.organ).triangles;
     meshes[0].values = s.millimetres;
     for (std::size_t i = 0; i < s.instruments.size(); ++i) {
       DrawnMesh mesh;

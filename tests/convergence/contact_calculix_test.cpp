@@ -40,7 +40,7 @@ struct Pressed {
 // Ours: lattice of 0.12 mm about the lower cap, the only part that comes near the cube.
 Pressed press(int cells, const TriangleMesh& tool) {
   Model model;
-  model.organ = bake(cube(cells), materials, anchors, 0, {}, nullptr, {.order = 1});
+  model.organ = bake(cube(cells), materials, anchors, 0, {}, nullptr, {.order = 1, .pinch = false});
   const Box cap{Vec3(-0.017, -0.017, -0.0305), Vec3(0.017, 0.017, -0.020)};
   const LatticeSamples samples = sample_lattice(SignedDistanceField(tool), make_grid_spaced(cap, 0.12e-3));
   model.instruments.push_back({"sphere", std::make_shared<const Lattice>(samples), tool});

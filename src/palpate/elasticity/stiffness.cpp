@@ -4,35 +4,12 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/base/error.hpp"
 #include "palpate/base/parallel_for.hpp"
+#include "palpate/elasticity/gradients.hpp"
 
 namespace palpate {
 
 namespace {
-
-// Linear shape functions of one tetrahedron: their constant gradients, and the volume.
-struct Gradients {
-  std::array<Vec3, 4> g;  // 1/m
-  double volume;          // m3
-};
-
-Gradients gradients(const std::array<Vec3, 4>& x) {
-  const Vec3 a = x[1] - x[0], b = x[2] - x[0], c = x[3] - x[0];
-  const Vec3 bc = b.cross(c), ca = c.cross(a), ab = a.cross(b);
-  const double six = a.dot(bc);
-  if (!(six > 0))
-    throw Error(ErrorKind::geometry, "a tetrahedron is flat or inverted (volume {} m3)", six / 6);
-  Gradients r{{Vec3::Zero(), bc / six, ca / six, ab / six}, six / 6};
-  r.g[0] = -(r.g[1] + r.g[2] + r.g[3]);
-  return r;
-}
-
-std::array<Vec3, 4> corners_of(const TetMesh& mesh, const Tetrahedron& t) {
-  std::array<Vec3, 4> x;
-  for (std::size_t i = 0; i < 4; ++i) x[i] = mesh.nodes[static_cast<std::size_t>(t[i])];
-  return x;
-}
 
 // Gradients of a tetrahedron's shape functions at its quadrature points, all of the same weight: of four
 // nodes (linear) at one point, where they are constant, or of ten (quadratic) at four.

@@ -104,6 +104,10 @@ inline Vec3 deformed(const Model& model, const State& state, Index node) {
   return state.organ * (model.organ.surface.vertices[static_cast<std::size_t>(node)] +
                         state.displacement[static_cast<std::size_t>(node)].cast<double>());
 }
+// What is drawn: the organ's drawing, or where it has none its surface.
+const TriangleMesh& drawn_surface(const Organ& organ);
+// Its vertices, deformed, in the world.
+std::vector<Vec3> drawn_vertices(const Model& model, const State& state);
 // Where the node's force acts, in the world: of linear tetrahedra the deformed node.
 inline Vec3 contact_point(const Model& model, const State& state, Index node) {
   return state.organ * (model.organ.contact_points[static_cast<std::size_t>(node)] +

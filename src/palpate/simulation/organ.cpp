@@ -10,7 +10,7 @@
 #include "palpate/base/timer.hpp"
 #include "palpate/compliance/ordering.hpp"
 #include "palpate/compliance/storage.hpp"
-#include "palpate/elasticity/stiffness.hpp"
+#include "palpate/simulation/discretisation.hpp"
 
 namespace palpate {
 
@@ -173,6 +173,7 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
       anchored_nodes(organ.mesh, organ.anchors, bedded_nodes(organ.mesh, organ.beddings));
   set_surface(organ, anchored);
   organ.hash = organ_hash(organ);
+  if (!options.drawing.triangles.empty()) organ.drawing = embed(options.drawing, organ.surface);
   r.nodes = nodes.size(), r.tets = organ.mesh.tets.size();
   r.surface_nodes = organ.surface_size(), r.free_surface_nodes = organ.node_of_row.size();
 
@@ -198,7 +199,8 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
   progress.at(0.05);
 
   // Where the bar stands after the factor and after the sweep, about.
-  const double factored = organ.order == 1 ? 0.2 : 0.5, swept = organ.order == 1 ? 0.4 : 0.75;
+  const double factored = organ.order == 1 ? 0.2 : 0.4, pinched = organ.order == 1 ? 0.3 : 0.55,
+               swept = organ.order == 1 ? 0.5 : 0.75;
   timer = wall_timer();
   Factored<float> y;
   try {
@@ -206,7 +208,14 @@ Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> an
     r.factor_seconds = timer.seconds();
     r.factor_entries = factor.stats().factor_entries;
     timer = wall_timer();
-    y = factor_compliance<float>(factor, loads, threads, part(progress, factored, swept));
+    if (options.pinch) {
+      const PinchResult tried = pinch(organ, nodes, k, factor, part(progress, factored, pinched));
+      organ.discretisation = tried.figures;
+      compare_drawing(organ, nodes, k, loads, tried.u);
+    }
+    r.pinch_seconds = timer.seconds();
+    timer = wall_timer();
+    y = factor_compliance<float>(factor, loads, threads, part(progress, pinched, swept));
   } catch (const NotPositiveDefinite& e) {
     explain_pivot(organ, nodes, k.node_of[static_cast<std::size_t>(e.node())]);
   }

@@ -13,8 +13,20 @@
 #include "palpate/elasticity/hats.hpp"
 #include "palpate/elasticity/material.hpp"
 #include "palpate/geometry/tet_mesh.hpp"
+#include "palpate/simulation/drawing.hpp"
 
 namespace palpate {
+
+class ContainerReader;
+
+// How far off the elements are in a standard pinch (discretisation.hpp), against elements one order higher.
+struct Discretisation {
+  int against = 0;          // their order; 0: not known
+  double stiffness = 0;     // by how much the organ is too stiff: of a force that presses it to a given depth
+  double displacement = 0;  // largest difference of a surface node's, over the largest displacement
+  Vec3 at = Vec3::Zero();   // of the first jaw, m
+  double radius = 0;        // of the jaws' pressure, m: standard deviation of a bell
+};
 
 // Immutable after bake() or read_organ().
 struct Organ {
@@ -33,14 +45,17 @@ struct Organ {
   std::vector<Index> row_of;       // row of each surface node in the compliance, -1: anchored; size s
   std::vector<Index> node_of_row;  // surface node of each row; size compliance.nodes()
   Compliance compliance;           // between the free contact points, m/N
-  std::uint64_t hash = 0;          // of mesh, materials, anchors, beddings, order: what C was computed from
+  Discretisation discretisation;
+  Drawing drawing;         // empty: the surface itself is drawn
+  std::uint64_t hash = 0;  // of mesh, materials, anchors, beddings, order: what C was computed from
 
   std::size_t surface_size() const { return surface.vertices.size(); }
 };
 
 struct BakeReport {
   std::size_t nodes = 0, tets = 0, surface_nodes = 0, free_surface_nodes = 0, factor_entries = 0;
-  double assemble_seconds = 0, order_seconds = 0, factor_seconds = 0, sweep_seconds = 0;  // wall
+  double assemble_seconds = 0, order_seconds = 0, factor_seconds = 0, sweep_seconds = 0,
+         pinch_seconds = 0;  // wall
 };
 
 // What tetrahedra, how the compliance is kept, and springs (docs/elasticity.md, docs/compliance.md).
@@ -50,11 +65,16 @@ struct BakeOptions {
   double tolerance = 1e-3;                          // of the hierarchical storage
   std::size_t memory = 0;                           // bytes that baking may take; 0: what is free
   std::vector<Bedding> beddings = {};
+  TriangleMesh drawing = {};  // a finer surface to draw; empty: none
+  bool pinch = true;          // estimate the discretisation error
 };
 
 // Throws Error(geometry | physics | resource); memory is checked before the work starts.
 Organ bake(TetMesh mesh, std::vector<Material> materials, std::vector<Anchor> anchors, int threads = 0,
            const Progress& progress = {}, BakeReport* report = nullptr, const BakeOptions& options = {});
+
+// "1.0 % too stiff, displacement 3.1 % off ...", for people.
+std::string to_string(const Discretisation& d);
 
 std::uint64_t organ_hash(const Organ& organ);
 
@@ -66,5 +86,7 @@ void set_readings(Organ& organ);
 void write_organ(const std::filesystem::path& path, const Organ& organ, const std::string& provenance,
                  const Progress& progress = {});
 Organ read_organ(const std::filesystem::path& path, bool verify = true, const Progress& progress = {});
+// Of a model file alone.
+Discretisation read_discretisation(const ContainerReader& in);
 
 }  // namespace palpate

@@ -68,6 +68,15 @@ class ModelReader {
     organ.hash = static_cast<std::uint64_t>(in_.integer("hash"));
     check(organ);
     set_readings(organ);
+    organ.discretisation = read_discretisation(in_);
+    if (in_.has("drawing/vertices")) {
+      TriangleMesh drawing;
+      drawing.vertices = points("drawing/vertices");
+      drawing.triangles = cells<3>("drawing/triangles", drawing.vertices.size());
+      organ.drawing = embed(std::move(drawing), organ.surface);
+      organ.drawing.error_rms = in_.number("drawing_error_rms");
+      organ.drawing.error_max = in_.number("drawing_error_max");
+    }
     organ.compliance = read_compliance(in_, path_.string(), organ.node_of_row.size(), verify_, progress_);
     return organ;
   }
@@ -132,6 +141,17 @@ class ModelReader {
 
 }  // namespace
 
+Discretisation read_discretisation(const ContainerReader& in) {
+  Discretisation d;
+  if (!in.has_attribute("pinch_against_order")) return d;
+  d.against = static_cast<int>(in.integer("pinch_against_order"));
+  d.stiffness = in.number("pinch_too_stiff");
+  d.displacement = in.number("pinch_displacement_error");
+  for (int a = 0; a < 3; ++a) d.at[a] = in.number(fmt::format("pinch_at_{}", "xyz"[a]));
+  d.radius = in.number("pinch_radius");
+  return d;
+}
+
 void write_organ(const std::filesystem::path& path, const Organ& organ, const std::string& provenance,
                  const Progress& progress) {
   ContainerWriter out(path, "model", model_version);
@@ -146,6 +166,14 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
     std::vector<std::string> beddings;
     for (const Bedding& b : organ.beddings) beddings.push_back(to_string(b));
     out.attribute("beddings", fmt::format("{}", fmt::join(beddings, "\n")));
+  }
+
+  if (const Discretisation& d = organ.discretisation; d.against != 0) {
+    out.attribute("pinch_against_order", static_cast<std::int64_t>(d.against));
+    out.attribute("pinch_too_stiff", d.stiffness);
+    out.attribute("pinch_displacement_error", d.displacement);
+    for (int a = 0; a < 3; ++a) out.attribute(fmt::format("pinch_at_{}", "xyz"[a]), d.at[a]);
+    out.attribute("pinch_radius", d.radius);
   }
 
   std::vector<double> materials;
@@ -168,6 +196,12 @@ void write_organ(const std::filesystem::path& path, const Organ& organ, const st
       "surface nodes of each triangle, counter-clockwise from outside");
   put("surface/nodes", organ.surface_nodes, 1, "", "mesh node of each surface node");
   put("surface/rows", organ.row_of, 1, "", "row of each surface node in the compliance, -1: anchored");
+  if (!organ.drawing.empty()) {
+    put("drawing/vertices", flat(organ.drawing.surface.vertices), 3, "m", "vertices of the drawing at rest");
+    put("drawing/triangles", flat(organ.drawing.surface.triangles), 3, "", "vertices of each triangle");
+    out.attribute("drawing_error_rms", organ.drawing.error_rms);
+    out.attribute("drawing_error_max", organ.drawing.error_max);
+  }
 
   write_compliance(out, organ.compliance, progress);
   out.commit();

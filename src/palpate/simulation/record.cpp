@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
+#include "palpate/geometry/bvh.hpp"
 #include "palpate/io/atomic_file.hpp"
 #include "palpate/io/vtu.hpp"
 
@@ -13,11 +15,11 @@ namespace {
 // The deformed organ and the instruments where they are, in the world; cell array "body": 0 the organ, then
 // the instruments.
 void write_frame(const std::filesystem::path& path, const Model& model, const Input& input,
-                 const State& state) {
-  std::vector<Vec3> points;
-  const std::size_t s = model.organ.surface_size();
-  for (std::size_t i = 0; i < s; ++i) points.push_back(deformed(model, state, static_cast<Index>(i)));
-  std::vector<Triangle> triangles = model.organ.surface.triangles;
+                 const State& state, const std::vector<Index>& drawn_of) {
+  const TriangleMesh& drawn = drawn_surface(model.organ);
+  std::vector<Vec3> points = drawn_vertices(model, state);
+  const std::size_t s = points.size();
+  std::vector<Triangle> triangles = drawn.triangles;
   VtuField body{"body", 1, std::vector<float>(triangles.size(), 0.0f)};
   for (std::size_t i = 0; i < model.instruments.size(); ++i) {
     const auto offset = static_cast<Index>(points.size());
@@ -29,15 +31,33 @@ void write_frame(const std::filesystem::path& path, const Model& model, const In
   VtuField displacement{"displacement_m", 3, std::vector<float>(3 * points.size(), 0.0f)};
   VtuField force{"force_N", 3, std::vector<float>(3 * points.size(), 0.0f)};
   for (std::size_t i = 0; i < s; ++i) {
-    const Vec3 u = state.organ.rotation * state.displacement[i].cast<double>();
+    const Vec3 u = points[i] - state.organ * drawn.vertices[i];
     for (std::size_t a = 0; a < 3; ++a)
       displacement.values[3 * i + a] = static_cast<float>(u[static_cast<int>(a)]);
   }
   for (const Contact& c : state.contacts)
     for (std::size_t a = 0; a < 3; ++a)
-      force.values[3 * static_cast<std::size_t>(c.node) + a] +=
+      force.values[3 * static_cast<std::size_t>(drawn_of[static_cast<std::size_t>(c.node)]) + a] +=
           static_cast<float>(c.force[static_cast<int>(a)]);
   write_vtu(path, points, triangles, {displacement, force}, {body});
+}
+
+// Nearest drawn vertex of each surface node; itself where the surface is drawn.
+std::vector<Index> nearest_drawn(const Organ& organ) {
+  std::vector<Index> out(organ.surface_size());
+  std::iota(out.begin(), out.end(), 0);
+  if (organ.drawing.empty()) return out;
+  const TriangleMesh& drawn = organ.drawing.surface;
+  const Bvh tree(drawn);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Vec3& p = organ.surface.vertices[i];
+    const Triangle& t = drawn.triangles[static_cast<std::size_t>(tree.closest(p).triangle)];
+    out[i] = *std::min_element(t.begin(), t.end(), [&](Index a, Index b) {
+      return (drawn.vertices[static_cast<std::size_t>(a)] - p).squaredNorm() <
+             (drawn.vertices[static_cast<std::size_t>(b)] - p).squaredNorm();
+    });
+  }
+  return out;
 }
 
 double percentile(std::vector<double> values, double fraction) {
@@ -56,7 +76,7 @@ void write_text(const std::filesystem::path& path, const std::string& text) {
 }  // namespace
 
 Recorder::Recorder(std::filesystem::path folder, const Model& model, std::size_t every)
-    : folder_(std::move(folder)), model_(model), every_(every) {
+    : folder_(std::move(folder)), model_(model), drawn_of_(nearest_drawn(model.organ)), every_(every) {
   std::error_code failure;
   std::filesystem::create_directories(every_ ? folder_ / "frames" : folder_, failure);
   if (failure)
@@ -95,7 +115,7 @@ void Recorder::add(std::size_t step, const Input& input, const State& state) {
   summary_.deepest_after = std::max(summary_.deepest_after, state.deepest_after);
   if (every_ && step % every_ == 0) {
     const std::string name = fmt::format("frames/frame{:06}.vtu", step);
-    write_frame(folder_ / name, model_, input, state);
+    write_frame(folder_ / name, model_, input, state, drawn_of_);
     frames_.push_back(name);
     frame_times_.push_back(input.time);
   }

@@ -31,6 +31,7 @@ class Recorder {
  private:
   std::filesystem::path folder_;
   const Model& model_;
+  std::vector<Index> drawn_of_;  // drawn vertex nearest to each surface node
   std::size_t every_;
   std::vector<double> step_ms_;
   std::vector<std::string> frames_;

@@ -216,6 +216,7 @@ Organ read_organ_table(Table organ, int threads, const Progress& progress) {
     options.order = static_cast<int>(organ.whole("order", 2, 1, 2));
     for (const std::string& text : organ.texts("beddings"))
       options.beddings.push_back(parse_bedding(text, unit));
+    if (organ.has("drawing")) options.drawing = read_surface(organ.path("drawing"), unit).mesh;
     out = bake(std::move(file.mesh), std::move(materials), std::move(anchors), threads, progress, nullptr,
                options);
   }

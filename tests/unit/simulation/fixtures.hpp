@@ -10,7 +10,7 @@ namespace palpate {
 inline const bool blas_is_set_up = (set_up_blas(), true);
 
 // 10 cm cube, base fixed, E = 10 kPa, nu = 0.45, n^3 cells (PEERS' block).
-inline Organ block_organ(int n, const BakeOptions& options = {.order = 1}) {
+inline Organ block_organ(int n, const BakeOptions& options = {.order = 1, .pinch = false}) {
   return bake(make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {n, n, n}), {{10e3, 0.45, 1000}},
               {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()}}, 0, {}, nullptr, options);
 }
@@ -18,7 +18,7 @@ constexpr Storage all_storages[] = {Storage::dense, Storage::half, Storage::fact
 
 inline Model block_model(int n, const Shape& shape, Mode mode = Mode::unilateral, int order = 1) {
   Model model;
-  model.organ = block_organ(n, {.order = order});
+  model.organ = block_organ(n, {.order = order, .pinch = false});
   model.instruments.push_back({"tool", shape, surface_of_primitive(shape)});
   model.settings.mode = mode;
   return model;

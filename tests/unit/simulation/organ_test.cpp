@@ -70,7 +70,7 @@ double error_of(const Organ& organ) {
 
 TEST(Organ, ComplianceIsTheInverseOfTheDecoupledStiffness) {
   for (const int order : {1, 2}) {
-    const Organ organ = block_organ(order == 1 ? 4 : 3, {.order = order});
+    const Organ organ = block_organ(order == 1 ? 4 : 3, {.order = order, .pinch = false});
     ASSERT_EQ(organ.compliance.nodes() + (order == 1 ? 25 : 16), organ.surface_size());
     EXPECT_LT(error_of(organ), 1e-6);
   }
@@ -83,7 +83,7 @@ TEST(Organ, AStoneAMillionTimesStifferThanTheKidney) {
     materials.push_back(region == "stone" ? Material{1e10, 0.3} : Material{1e4, 0.45});
   for (const int order : {1, 2}) {
     const Organ organ =
-        bake(mesh, materials, {AnchorHalfSpace{{0, 0, -0.016}, {0, 0, 1}}}, 0, {}, nullptr, {.order = order});
+        bake(mesh, materials, {AnchorHalfSpace{{0, 0, -0.016}, {0, 0, 1}}}, 0, {}, nullptr, {.order = order, .pinch = false});
     EXPECT_EQ(organ.mesh.region_names.size(), 2u);
     EXPECT_LT(error_of(organ), 1e-6);
   }
@@ -115,7 +115,7 @@ TEST(Organ, WhatCannotBeBakedIsANamedError) {
 
 TEST_F(OrganFile, RoundTripKeepsEveryBit) {
   for (const int order : {1, 2}) {
-    const Organ a = block_organ(4, {.order = order});
+    const Organ a = block_organ(4, {.order = order, .pinch = false});
     write_organ(path_, a, "test");
     const Organ b = read_organ(path_);
     EXPECT_EQ(a.order, b.order);
