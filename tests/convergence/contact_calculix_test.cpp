@@ -1,5 +1,6 @@
 // Unilateral contact against CalculiX's: a cube of 10 cm, base fixed, and a rigid sphere of 3 cm radius, 24 x
 // 64 facets, pressed 5 mm into the middle of its top. Same tetrahedra, same facets.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -11,6 +12,7 @@
 #include "palpate/lattice/lattice.hpp"
 #include "palpate/simulation/model.hpp"
 #include "support/calculix.hpp"
+#include "support/validation_table.hpp"
 
 namespace palpate::test {
 namespace {
@@ -86,6 +88,11 @@ void compare(int cells, double turn, bool displacements) {
       "%.4f; displacements differ by %.1e of the largest; CalculiX took %.1f s\n",
       mesh.nodes.size(), turn, force, their_force, std::abs(force / their_force - 1), u, v,
       difference / largest, theirs->seconds);
+  validation_row("calculix_contact",
+                 "nodes,turn_segments,force_N,calculix_force_N,corner_uz_mm,calculix_corner_uz_mm,"
+                 "difference_over_largest,calculix_s",
+                 fmt::format("{},{},{:.5f},{:.5f},{:.5f},{:.5f},{:.2e},{:.1f}", mesh.nodes.size(), turn,
+                             force, their_force, u, v, difference / largest, theirs->seconds));
   EXPECT_NEAR(force, their_force, 1e-3 * their_force);
   if (!displacements) return;
   EXPECT_NEAR(u, v, 0.01 * std::abs(v));

@@ -1,12 +1,14 @@
 // Manufactured solution: the error of linear tetrahedra falls with h^2 in displacement and with h in strain
 // (the energy norm), of quadratic ones with h^3 and h^2. Brenner, Scott, The Mathematical Theory of Finite
 // Element Methods (2008), ch. 5.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "support/meshes.hpp"
 #include "support/statics.hpp"
+#include "support/validation_table.hpp"
 
 namespace palpate::test {
 namespace {
@@ -146,6 +148,9 @@ TEST(Order, OfConvergenceIsThatOfTheory) {
         std::printf(
             "P%d, nu %.2f, %2d cells a side: displacement %.3f %% (order %.2f), strain %.2f %% (%.2f)\n",
             order, poisson, cells, 100 * now.displacement, in_displacement, 100 * now.strain, in_strain);
+        validation_row(
+            "order", "order,poisson,cells,displacement_error,strain_error",
+            fmt::format("{},{},{},{:.4g},{:.4g}", order, poisson, cells, now.displacement, now.strain));
         if (cells >= 8) {
           // Near 0.5 linear tetrahedra lock: 1.77 here, and still at 20 cells a side.
           EXPECT_NEAR(in_displacement, order + 1, poisson < 0.49 || order == 2 ? 0.15 : 0.25) << poisson;

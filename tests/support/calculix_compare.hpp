@@ -1,6 +1,7 @@
 // Our statics against CalculiX's on the same mesh, forces on every third node.
 #pragma once
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -9,6 +10,7 @@
 #include "palpate/elasticity/anchor.hpp"
 #include "support/calculix.hpp"
 #include "support/statics.hpp"
+#include "support/validation_table.hpp"
 
 namespace palpate::test {
 
@@ -40,6 +42,9 @@ inline void compare_with_calculix(const std::string& name, int order, const TetM
   std::printf("CalculiX, %s, %s: %zu nodes, %zu tetrahedra: %.1e of the largest displacement (%.3g m)\n",
               name.c_str(), order == 1 ? "C3D4" : "C3D10", nodes.size(), mesh.tets.size(),
               difference / largest, largest);
+  validation_row("calculix_statics", "mesh,element,nodes,tetrahedra,difference_over_largest",
+                 fmt::format("\"{}\",{},{},{},{:.2e}", name, order == 1 ? "C3D4" : "C3D10", nodes.size(),
+                             mesh.tets.size(), difference / largest));
   EXPECT_GT(largest, 1e-6);
   EXPECT_LT(difference, 1e-6 * largest) << name;
   EXPECT_LT((reference->reaction + total).norm(), 1e-6 * total.norm());
