@@ -1,6 +1,6 @@
 # One static library per folder of src/palpate, in the order of the data. A folder may use only
 # folders above it: checked here when configuring, for links and for includes alike.
-set(PALPATE_FOLDERS base geometry io lattice pad elasticity compliance contact simulation picture)
+set(PALPATE_FOLDERS base geometry io lattice pad elasticity compliance contact simulation haptics picture)
 
 # palpate_library(<folder> [USES <folder>...] [LINKS <target>...] [PRIVATE_LINKS <target>...])
 function(palpate_library name)

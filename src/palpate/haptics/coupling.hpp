@@ -1,0 +1,66 @@
+// Virtual coupling: a spring and a damper between the device's handle and the instrument in the simulation,
+// so that neither the stiffness of the contact nor a bad sample reaches the other side as it is.
+//   Colgate, Stanley, Brown: Issues in the haptic display of tool use. IROS 1995.
+//   Zilles, Salisbury: A constraint-based god-object method for haptic display. IROS 1995.
+//   Adams, Hannaford: Stable haptic interaction with virtual environments. IEEE Trans. Rob. Autom. 15 (1999).
+//
+// The instrument has no mass. With e its offset from the handle and F the contact's force on it,
+//     B e' + sat(K e) = F,
+// implicit in K and explicit in F, which is known for the last tick's pose only:
+//     B e1 + dt sat(K e1) = B e0 + dt F(e0).
+// The damper acts between handle and instrument: moving in the air costs nothing. The spring gives no more
+// than the force limit, so a handle far inside an organ does not drag the instrument in with more than that.
+//
+// Stability. For a contact of stiffness k (N/m) the matrix of one tick is 1 - dt (K + k) / (B + K dt): e
+// settles without overshoot if k <= B / dt, and settles at all if k < K + 2 B / dt. With rotation, and r the
+// lever arm of the contact, without overshoot if
+//     k dt (1 / B + r^2 / B_r) <= 1,
+// and at all below twice that. The defaults: k = 5,000 N/m at r = 0.1 m and 1 kHz; 10,000 N/m at r = 0. A
+// tick counts for `tick` seconds at most: one that comes late moves the instrument less, never less stably.
+//
+// The hand feels the contact's force at the new pose, which is that of spring and damper at the end of the
+// tick to come. In motion at v against a spring k it exceeds the static force by a^2 (B + K dt) v, with
+// a = k / (K + k): dissipation, which outweighs what holding the force over a tick generates (a K v dt / 2,
+// Colgate) if k > K^2 dt / (2 B), 50 N/m at the defaults; below, at most K^2 dt^2 / 16 B = 0.006 N s/m of
+// damping is missing, less than any device's friction.
+#pragma once
+
+#include "palpate/haptics/device.hpp"
+
+namespace palpate {
+
+struct CouplingSettings {
+  double stiffness = 1000;          // N/m
+  double damping = 10;              // N s/m
+  double force_limit = 8;           // N
+  double angular_stiffness = 10;    // N m/rad
+  double angular_damping = 0.1;     // N m s/rad
+  double torque_limit = 1;          // N m
+  double speed_limit = 1;           // m/s, of the instrument
+  double angular_speed_limit = 20;  // rad/s, of the instrument
+  double ramp = 0.05;  // s, from no force to full force after the device appears, and back when it is lost
+  double tick = 1e-3;  // s, the longest time a tick counts for
+};
+// Error(usage) naming the setting that is not above zero.
+void check(const CouplingSettings& settings);
+
+struct CouplingState {
+  Pose instrument;                     // world
+  Vec3 offset = Vec3::Zero();          // e: from the handle to the instrument, m
+  Vec3 angular_offset = Vec3::Zero();  // the same as a rotation vector, rad
+  double gain = 0;                     // of the force, 0 to 1
+  bool started = false;                // by the first good sample: the instrument appears where the handle is
+};
+
+// One tick: where the instrument goes. contact: on the instrument, about its origin, as the last step found
+// it. dt: s since the last tick; zero, negative or NaN moves nothing. Without a device, or with a sample that
+// is not finite, the instrument stays and the gain falls. Never throws, allocates or locks.
+Pose couple(const CouplingSettings& settings, CouplingState& state, const DeviceSample& sample,
+            const Wrench& contact, double dt) noexcept;
+
+// What the hand feels: the contact's wrench at the instrument's new pose, cut to the limits with its
+// direction kept, times the gain. Zero for what is not finite.
+Wrench hand_wrench(const CouplingSettings& settings, const CouplingState& state,
+                   const Wrench& contact) noexcept;
+
+}  // namespace palpate
