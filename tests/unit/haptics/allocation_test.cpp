@@ -1,0 +1,36 @@
+// What the force loop calls of a device allocates nothing.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "loop.hpp"
+#include "motion_file.hpp"
+#include "support/count_allocations.hpp"
+
+namespace palpate {
+namespace {
+
+TEST(Haptics, TheLoopAllocatesNothing) {
+  if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";
+  const std::size_t before = allocations;
+  void* volatile block = std::malloc(8);
+  std::free(block);
+  ASSERT_GT(allocations, before);  // it does count
+  const MotionText file("time,hand.z,hand.qw,hand.qx\n0,0.115,1,0\n0.1,0.105,1,0.2\n0.2,0.115,1,0\n");
+  for (const char* driver : {"replay", "loopback"}) {
+    const auto device = open_device(file.device(driver));
+    ForceLoop loop(block_model(4, Sphere{0.01}));
+    std::size_t allocated = 0;
+    double most = 0;
+    std::jthread([&] {
+      const std::size_t start = allocations;
+      for (int i = 0; i < 300; ++i) most = std::max(most, loop.tick(*device).force.norm());
+      allocated = allocations - start;
+    }).join();
+    EXPECT_EQ(allocated, 0u) << driver;
+    EXPECT_GT(most, 0.05) << driver;
+  }
+}
+
+}  // namespace
+}  // namespace palpate

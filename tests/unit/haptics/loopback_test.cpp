@@ -1,0 +1,70 @@
+// The simulated hand alone, and pressing on stone for a minute.
+#include <gtest/gtest.h>
+
+#include "loop.hpp"
+#include "motion_file.hpp"
+
+namespace palpate {
+namespace {
+
+TEST(Loopback, IsAMassOnASpring) {
+  const MotionText file("time,hand.x\n0,0\n1,0\n");
+  const auto device = open_device(file.device("loopback", ",mass=0.2,stiffness=300,damping=1,friction=0.5"));
+  const double m = 0.2, k = 300, d = 1.5, force = 2;
+  const double decay = d / (2 * m), omega = std::sqrt(k / m - decay * decay);
+  for (int i = 0; i <= 400; ++i) {
+    const double t = 1e-3 * i;
+    const double x =
+        force / k * (1 - std::exp(-decay * t) * (std::cos(omega * t) + decay / omega * std::sin(omega * t)));
+    const DeviceSample s = device->read();
+    EXPECT_TRUE(s.connected);
+    EXPECT_NEAR(s.pose.translation.x(), x, 2e-4 * force / k * (1 + i)) << i;
+    device->write({Vec3(force, 0, 0), Vec3::Zero()});
+  }
+  device->write({Vec3::Constant(std::nan("")), Vec3::Zero()});
+  EXPECT_TRUE(device->read().pose.translation.allFinite());
+}
+
+// A minute of pressing on the pillar of stone; after half of it a tap of 5 mm. Before and after, once the
+// hand is at rest, nothing swings.
+TEST(Loopback, PressesOnStoneWithoutOscillation) {
+  const MotionText file(
+      "time,hand.x,hand.y,hand.z\n"
+      "0,0.001,0.002,0.125\n"
+      "0.2,0.001,0.002,0.125\n"
+      "1,0.001,0.002,0.105\n"
+      "30,0.001,0.002,0.105\n"
+      "30.005,0.001,0.002,0.100\n"
+      "30.05,0.001,0.002,0.100\n"
+      "30.055,0.001,0.002,0.105\n"
+      "60,0.001,0.002,0.105\n");
+  struct Swing {
+    double least = 1e9, most = -1e9;
+    void add(double x) { least = std::min(least, x), most = std::max(most, x); }
+    double size() const { return most - least; }
+  };
+  for (const char* hand : {"", ",mass=0.05,stiffness=1000,damping=0.5,friction=0.1"}) {
+    const auto device = open_device(file.device("loopback", hand));
+    ForceLoop loop(pillar_model());
+    Swing force, height, tap;
+    double stiffness = 0;
+    for (int i = 0; i < 60000; ++i) {
+      const double time = 1e-3 * i, felt = loop.tick(*device).force.norm();
+      if (time > 30 && time < 30.2) tap.add(felt);
+      if (i == 29000)
+        stiffness = felt / (0.12 - loop.coupling.instrument.translation.z());  // about: the top is at 0.1 m
+      if ((time > 5 && time < 30) || time > 35) force.add(felt), height.add(loop.sample.pose.translation.z());
+      ASSERT_EQ(loop.state.status & ~not_converged, 0u);
+    }
+    std::cout << "contact " << stiffness << " N/m, " << force.most << " N; swings by " << force.size()
+              << " N, " << height.size() << " m; tap " << tap.least << " to " << tap.most << " N\n";
+    EXPECT_GT(stiffness, 1500);
+    EXPECT_GT(force.least, 1);
+    EXPECT_LT(force.size(), 1e-3);
+    EXPECT_LT(height.size(), 1e-6);
+    EXPECT_GT(tap.size(), 0.5);
+  }
+}
+
+}  // namespace
+}  // namespace palpate
