@@ -5,24 +5,28 @@
 //   Adams, Hannaford: Stable haptic interaction with virtual environments. IEEE Trans. Rob. Autom. 15 (1999).
 //
 // The instrument has no mass. With e its offset from the handle and F the contact's force on it,
-//     B e' + sat(K e) = F,
-// implicit in K and explicit in F, which is known for the last tick's pose only:
-//     B e1 + dt sat(K e1) = B e0 + dt F(e0).
-// The damper acts between handle and instrument: moving in the air costs nothing. The spring gives no more
-// than the force limit, so a handle far inside an organ does not drag the instrument in with more than that.
+//     B e' + sat(K e) = F.
+// F is known for the last tick's pose only; at the next it is about F - q n n.(x1 - x0), with n its direction
+// and q the secant stiffness that the contact showed in the last ticks. One tick solves, implicit in K and q,
+//     B (e1 - e0) + dt sat(K e1) = dt (F0 - q n n.(x1 - x0)),   x1 - x0 = handle's motion + e1 - e0,
+// and the same for the rotation. The damper acts between handle and instrument: moving in the air costs
+// nothing. The spring gives no more than the force limit, so a handle far inside an organ does not drag the
+// instrument in with more than that.
 //
-// Stability. For a contact of stiffness k (N/m) the matrix of one tick is 1 - dt (K + k) / (B + K dt): e
-// settles without overshoot if k <= B / dt, and settles at all if k < K + 2 B / dt. With rotation, and r the
-// lever arm of the contact, without overshoot if
-//     k dt (1 / B + r^2 / B_r) <= 1,
-// and at all below twice that. The defaults: k = 5,000 N/m at r = 0.1 m and 1 kHz; 10,000 N/m at r = 0. A
-// tick counts for `tick` seconds at most: one that comes late moves the instrument less, never less stably.
+// Stability. For a contact of stiffness k (N/m) a tick multiplies the error of e by
+//     (B + q dt - k dt) / (B + q dt + K dt):
+// e settles without overshoot if k <= q + B / dt, and settles at all if k < K + 2 (q + B / dt). Without any
+// secant (q = 0, the first touch) these are 10,000 and 21,000 N/m for the defaults at 1 kHz; with rotation and
+// r the lever arm of the contact, no overshoot needs k dt (1 / B + r^2 / B_r) <= 1: 5,000 N/m at r = 0.1 m.
+// q learns what is stiffer, up to `stiffest`: contacts of 100,000 N/m come to rest after a few ticks of
+// chatter. A tick counts for `tick` seconds at most: one that comes late moves the instrument less, never less
+// stably.
 //
-// The hand feels the contact's force at the new pose, which is that of spring and damper at the end of the
-// tick to come. In motion at v against a spring k it exceeds the static force by a^2 (B + K dt) v, with
-// a = k / (K + k): dissipation, which outweighs what holding the force over a tick generates (a K v dt / 2,
-// Colgate) if k > K^2 dt / (2 B), 50 N/m at the defaults; below, at most K^2 dt^2 / 16 B = 0.006 N s/m of
-// damping is missing, less than any device's friction.
+// The hand feels the contact's force at the new pose, which is that of spring and damper. In motion at v
+// against a spring k it exceeds the static force by a^2 B v or a little more, with a = k / (K + k):
+// dissipation, which outweighs what holding the force over a tick generates (a K v dt / 2, Colgate) if k > 50
+// N/m at the defaults; below, at most K^2 dt^2 / 16 B = 0.006 N s/m of damping is missing, less than any
+// device's friction.
 #pragma once
 
 #include "palpate/haptics/device.hpp"
@@ -32,9 +36,11 @@ namespace palpate {
 struct CouplingSettings {
   double stiffness = 1000;          // N/m
   double damping = 10;              // N s/m
+  double stiffest = 1e6;            // N/m, of the contacts that the coupling adapts to
   double force_limit = 8;           // N
   double angular_stiffness = 10;    // N m/rad
   double angular_damping = 0.1;     // N m s/rad
+  double angular_stiffest = 1e4;    // N m/rad, likewise
   double torque_limit = 1;          // N m
   double speed_limit = 1;           // m/s, of the instrument
   double angular_speed_limit = 20;  // rad/s, of the instrument
@@ -44,12 +50,18 @@ struct CouplingSettings {
 // Error(usage) naming the setting that is not above zero.
 void check(const CouplingSettings& settings);
 
+// Translation (m, N) or rotation (rad, N m) of the instrument.
+struct CoupledMotion {
+  Vec3 offset = Vec3::Zero();  // e: from the handle to the instrument
+  Vec3 moved = Vec3::Zero();   // the instrument, in the last tick
+  Vec3 force = Vec3::Zero();   // of the contact, a tick ago
+  double secant = 0;           // q: stiffness of the contact
+};
 struct CouplingState {
-  Pose instrument;                     // world
-  Vec3 offset = Vec3::Zero();          // e: from the handle to the instrument, m
-  Vec3 angular_offset = Vec3::Zero();  // the same as a rotation vector, rad
-  double gain = 0;                     // of the force, 0 to 1
-  bool started = false;                // by the first good sample: the instrument appears where the handle is
+  Pose instrument, handle;  // world, of the last tick
+  CoupledMotion translation, rotation;
+  double gain = 0;       // of the force, 0 to 1
+  bool started = false;  // by the first good sample: the instrument appears where the handle is
 };
 
 // One tick: where the instrument goes. contact: on the instrument, about its origin, as the last step found

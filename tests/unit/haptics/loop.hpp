@@ -40,7 +40,7 @@ struct HeldDevice final : HapticDevice {
 
 // The soft block with a pillar of stone, 50 mm wide, from the anchored base to the top: the stiffest place a
 // hand can press on.
-inline Model pillar_model() {
+inline Model pillar_model(double young = 4e6) {
   TetMesh mesh = make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {8, 8, 8});
   mesh.region_names = {"tissue", "stone"};
   for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
@@ -49,7 +49,7 @@ inline Model pillar_model() {
     mesh.regions[t] = std::max(std::abs(c.x()), std::abs(c.y())) < 0.025;
   }
   Model model;
-  model.organ = bake(std::move(mesh), {{10e3, 0.45, 1000}, {1e6, 0.3, 2000}},
+  model.organ = bake(std::move(mesh), {{10e3, 0.45, 1000}, {young, 0.3, 2000}},
                      {AnchorHalfSpace{Vec3::Zero(), Vec3::UnitZ()}}, 0, {}, nullptr, {.order = 1});
   model.instruments.push_back({"tool", Sphere{0.02}, {}});
   return model;
