@@ -57,7 +57,7 @@ Pressed press(int cells, const TriangleMesh& tool) {
   Pressed result{std::vector<Vec3>(model.organ.mesh.nodes.size(), Vec3::Zero()), state.wrenches[0].force};
   for (std::size_t i = 0; i < model.organ.surface_size(); ++i)
     result.displacement[static_cast<std::size_t>(model.organ.surface_nodes[i])] =
-        state.displacement[i].cast<double>();
+        state.surface.displacement[i].cast<double>();
   return result;
 }
 

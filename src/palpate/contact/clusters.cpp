@@ -24,7 +24,8 @@ Gap PlacedShape::gap(const Vec3& p) const noexcept {
   return g;
 }
 
-Clusters::Clusters(std::span<const Vec3> points, std::vector<Index> given, std::size_t largest)
+Clusters::Clusters(std::span<const Vec3> points, std::vector<Index> given, std::size_t largest,
+                   std::span<const float> softness_of)
     : nodes(std::move(given)) {
   struct Range {
     std::size_t first, last;
@@ -53,26 +54,41 @@ Clusters::Clusters(std::span<const Vec3> points, std::vector<Index> given, std::
     open.push_back({r.first, middle});
   }
   begin.push_back(static_cast<Index>(nodes.size()));
+  if (nodes.empty()) begin.clear();
+  softness.assign(nodes.size(), 0.0f);
+  cluster_softness.assign(size(), 0.0f);
+  group_softness.assign(groups(), 0.0f);
+  for (std::size_t c = 0; c < size() && !softness_of.empty(); ++c)
+    for (auto i = static_cast<std::size_t>(begin[c]); i < static_cast<std::size_t>(begin[c + 1]); ++i) {
+      softness[i] = softness_of[static_cast<std::size_t>(nodes[i])];
+      cluster_softness[c] = std::max(cluster_softness[c], softness[i]);
+      group_softness[c / per_group] = std::max(group_softness[c / per_group], softness[i]);
+    }
 }
 
-Box bound_clusters(const Clusters& clusters, std::span<const Vec3> positions,
-                   std::span<ClusterBall> balls) noexcept {
-  Box all;
-  for (std::size_t c = 0; c < clusters.size(); ++c) {
-    const auto first = static_cast<std::size_t>(clusters.begin[c]),
-               last = static_cast<std::size_t>(clusters.begin[c + 1]);
-    Box box;
-    for (std::size_t i = first; i < last; ++i)
-      box.add(positions[static_cast<std::size_t>(clusters.nodes[i])]);
-    const Vec3 center = box.center();
+void ClusterBounds::update(const Clusters& of, std::span<const Vec3> positions) noexcept {
+  box = {};
+  Box group_box;
+  for (std::size_t c = 0; c < of.size(); ++c) {
+    const auto first = static_cast<std::size_t>(of.begin[c]),
+               last = static_cast<std::size_t>(of.begin[c + 1]);
+    Box own;
+    for (std::size_t i = first; i < last; ++i) own.add(positions[static_cast<std::size_t>(of.nodes[i])]);
+    const Vec3 center = own.center();
     double squared = 0;
     for (std::size_t i = first; i < last; ++i)
-      squared =
-          std::max(squared, (positions[static_cast<std::size_t>(clusters.nodes[i])] - center).squaredNorm());
-    balls[c] = {center, std::sqrt(squared)};
-    all.add(box);
+      squared = std::max(squared, (positions[static_cast<std::size_t>(of.nodes[i])] - center).squaredNorm());
+    clusters[c] = {center, std::sqrt(squared)};
+    box.add(own);
+    group_box.add(own);
+    if ((c + 1) % Clusters::per_group != 0 && c + 1 < of.size()) continue;
+    const std::size_t g = c / Clusters::per_group;
+    groups[g] = {group_box.center(), 0};
+    for (std::size_t k = g * Clusters::per_group; k <= c; ++k)
+      groups[g].radius =
+          std::max(groups[g].radius, (clusters[k].center - groups[g].center).norm() + clusters[k].radius);
+    group_box = {};
   }
-  return all;
 }
 
 }  // namespace palpate

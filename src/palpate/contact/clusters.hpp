@@ -3,6 +3,7 @@
 // the answer to the teapot in a stadium, T 7.2 point 2), then the nodes themselves.
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -21,44 +22,61 @@ struct PlacedShape {
   Gap gap(const Vec3& p) const noexcept;  // normal in the organ's frame
 };
 
-// Baked: nodes in groups of neighbours.
+// Baked: nodes in clusters of neighbours, clusters in groups of neighbours.
 struct Clusters {
-  std::vector<Index> nodes;  // all nodes given, grouped
-  std::vector<Index> begin;  // first entry of each group in `nodes`; one more than there are groups
+  static constexpr std::size_t per_group = 32;
+  std::vector<Index> nodes;  // all nodes given, cluster by cluster
+  std::vector<Index> begin;  // first entry of each cluster in `nodes`; one more than there are clusters
+  // How far a node moves for a unit of drift (near_nodes), m / sqrt J: of each entry of `nodes`, and the most
+  // in each cluster and each group.
+  std::vector<float> softness, cluster_softness, group_softness;
 
   Clusters() = default;
-  // Splits `nodes` of `points` at the median of the longest axis until a group has at most `largest`.
-  Clusters(std::span<const Vec3> points, std::vector<Index> nodes, std::size_t largest = 32);
+  // Splits `nodes` of `points` at the median of the longest axis until a cluster has at most `largest`.
+  // softness_of: a number a point; empty: 0.
+  Clusters(std::span<const Vec3> points, std::vector<Index> nodes, std::size_t largest = 32,
+           std::span<const float> softness_of = {});
   std::size_t size() const { return begin.empty() ? 0 : begin.size() - 1; }
+  std::size_t groups() const { return (size() + per_group - 1) / per_group; }
 };
 
-// Bounds of the groups where the nodes are now.
-struct ClusterBall {
+struct Ball {
   Vec3 center = Vec3::Zero();
   double radius = 0;
 };
-// balls.size() = clusters.size(). Returns the box of all nodes.
-Box bound_clusters(const Clusters& clusters, std::span<const Vec3> positions,
-                   std::span<ClusterBall> balls) noexcept;
+// Where the nodes are: a ball about each cluster and each group, and the box of all.
+struct ClusterBounds {
+  std::vector<Ball> clusters, groups;
+  Box box;
 
-// Calls found(node, distance) for every node of the clusters nearer to the shape than `reach` (m), in the
-// order of the clusters.
+  ClusterBounds() = default;
+  explicit ClusterBounds(const Clusters& of) : clusters(of.size()), groups(of.groups()) {}
+  void update(const Clusters& of, std::span<const Vec3> positions) noexcept;
+};
+
+// Calls found(node, distance) for every node that may be nearer to the shape than `reach` (m) when each has
+// moved from `positions` by up to its softness times `drift`; distance: where it was. In the order of the
+// clusters.
 template <class Found>
-void near_nodes(const Clusters& clusters, std::span<const ClusterBall> balls, const Box& box,
-                std::span<const Vec3> positions, const PlacedShape& shape, double reach,
-                Found&& found) noexcept {
-  const Box near = shape.box.grown(reach);
-  if (!box.intersects(near)) return;
-  for (std::size_t c = 0; c < clusters.size(); ++c) {
-    const ClusterBall& ball = balls[c];
-    if (!near.grown(ball.radius).contains(ball.center) || shape.distance(ball.center) > ball.radius + reach)
-      continue;
-    for (auto i = static_cast<std::size_t>(clusters.begin[c]);
-         i < static_cast<std::size_t>(clusters.begin[c + 1]); ++i) {
-      const Vec3& p = positions[static_cast<std::size_t>(clusters.nodes[i])];
-      if (!near.contains(p)) continue;
-      const double d = shape.distance(p);
-      if (d < reach) found(clusters.nodes[i], d);
+void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
+                const PlacedShape& shape, double reach, double drift, Found&& found) noexcept {
+  const auto may_touch = [&](const Ball& ball, float softness) {
+    const double grown = ball.radius + reach + drift * static_cast<double>(softness);
+    return shape.box.grown(grown).contains(ball.center) && shape.distance(ball.center) <= grown;
+  };
+  for (std::size_t g = 0; g < bounds.groups.size(); ++g) {
+    if (!may_touch(bounds.groups[g], clusters.group_softness[g])) continue;
+    const std::size_t last = std::min((g + 1) * Clusters::per_group, clusters.size());
+    for (std::size_t c = g * Clusters::per_group; c < last; ++c) {
+      if (!may_touch(bounds.clusters[c], clusters.cluster_softness[c])) continue;
+      for (auto i = static_cast<std::size_t>(clusters.begin[c]);
+           i < static_cast<std::size_t>(clusters.begin[c + 1]); ++i) {
+        const Vec3& p = positions[static_cast<std::size_t>(clusters.nodes[i])];
+        const double within = reach + drift * static_cast<double>(clusters.softness[i]);
+        if (!shape.box.grown(within).contains(p)) continue;
+        const double d = shape.distance(p);
+        if (d < within) found(clusters.nodes[i], d);
+      }
     }
   }
 }

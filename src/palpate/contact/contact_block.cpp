@@ -11,6 +11,20 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t rows)
       row_of_slot_(capacity, -1),
       wanted_(capacity, 0) {}
 
+Vec3 ContactBlock::displacement(Index slot, std::span<const Index> loaded,
+                                std::span<const Vec3> forces) const noexcept {
+  const float* row = at(slot, 0);
+  Vec3 u = Vec3::Zero();
+  for (std::size_t k = 0; k < loaded.size(); ++k) {
+    const float* c = row + 3 * loaded[k];
+    const Vec3& f = forces[k];
+    for (int r = 0; r < 3; ++r, c += ld())
+      u[r] += static_cast<double>(c[0]) * f[0] + static_cast<double>(c[1]) * f[1] +
+              static_cast<double>(c[2]) * f[2];
+  }
+  return u;
+}
+
 // Keeps the wanted slots only: each is moved, whole rows and columns, into the first free place.
 void ContactBlock::drop_unwanted() noexcept {
   std::size_t to = 0;

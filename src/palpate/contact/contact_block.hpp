@@ -23,6 +23,11 @@ class ContactBlock {
   const float* at(Index i, Index j) const noexcept {
     return values_.data() + static_cast<std::size_t>(3 * i) * ld() + static_cast<std::size_t>(3 * j);
   }
+  // Of a slot's node under forces on others, m: their order decides the bits, not that of the slots.
+  Vec3 displacement(Index slot, std::span<const Index> loaded, std::span<const Vec3> forces) const noexcept;
+  // Slot of a compliance row, -1: not cached.
+  Index slot_of(Index row) const noexcept { return slot_of_row_[static_cast<std::size_t>(row)]; }
+  std::size_t capacity() const noexcept { return capacity_; }
   std::size_t ld() const noexcept { return 3 * capacity_; }
   std::size_t used() const noexcept { return used_; }
 

@@ -61,25 +61,4 @@ PALPATE_CLONES void cholesky_solve(const double* u, std::size_t n, std::size_t l
   }
 }
 
-PALPATE_CLONES void combine_rows(const float* a, std::size_t cols, std::size_t ld, const double* w,
-                                 double* out) noexcept {
-  const float *r0 = a, *r1 = a + ld, *r2 = r1 + ld;
-  for (std::size_t j = 0; j < cols; ++j)
-    out[j] = w[0] * static_cast<double>(r0[j]) + w[1] * static_cast<double>(r1[j]) +
-             w[2] * static_cast<double>(r2[j]);
-}
-
-PALPATE_CLONES void multiply(const float* a, std::size_t rows, std::size_t cols, std::size_t ld,
-                             const double* x, double* y) noexcept {
-  for (std::size_t i = 0; i < rows; ++i) {
-    const float* r = a + i * ld;
-    double sum[8] = {};
-    std::size_t j = 0;
-    for (; j + 8 <= cols; j += 8)
-      for (std::size_t l = 0; l < 8; ++l) sum[l] += static_cast<double>(r[j + l]) * x[j + l];
-    for (; j < cols; ++j) sum[0] += static_cast<double>(r[j]) * x[j];
-    y[i] = ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
-  }
-}
-
 }  // namespace palpate

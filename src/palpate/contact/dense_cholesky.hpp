@@ -10,10 +10,5 @@ namespace palpate {
 bool cholesky(double* a, std::size_t n, std::size_t ld) noexcept;
 // Solves U^T U x = b in place.
 void cholesky_solve(const double* u, std::size_t n, std::size_t ld, double* b) noexcept;
-// out = w[0] row 0 + w[1] row 1 + w[2] row 2 of a float matrix, in float64.
-void combine_rows(const float* a, std::size_t cols, std::size_t ld, const double* w, double* out) noexcept;
-// y = A x for a row-major rows x cols float matrix, summed in float64.
-void multiply(const float* a, std::size_t rows, std::size_t cols, std::size_t ld, const double* x,
-              double* y) noexcept;
 
 }  // namespace palpate

@@ -13,19 +13,17 @@ namespace {
 constexpr int downhill = 2;
 }  // namespace
 
-ContactSolver::ContactSolver(std::size_t capacity, std::size_t compliance_rows)
+ContactSolver::ContactSolver(std::size_t capacity)
     : capacity_(capacity),
-      block_(capacity, compliance_rows),
       system_(9 * capacity * capacity),
       factor_(capacity * capacity),
       rhs_(3 * capacity),
       pressure_(capacity),
-      vector_(3 * capacity),
-      along_(3 * capacity),
+      along_(capacity),
       index_(3 * capacity),
       active_(capacity),
-      rows_(capacity),
-      slots_(capacity),
+      loaded_(capacity),
+      load_(capacity),
       u_(capacity),
       force_(capacity),
       last_u_(capacity),
@@ -39,24 +37,20 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t compliance_rows)
   std::fill_n(factor_.data(), factor_.size(), 0.0);
 }
 
-void ContactSolver::gather(const Compliance& compliance, std::span<ContactPoint> points) noexcept {
-  const std::size_t m = points.size();
-  for (std::size_t i = 0; i < m; ++i) rows_[i] = points[i].row;
-  block_.require(compliance, {rows_.data(), m}, {slots_.data(), m});
-  for (std::size_t i = 0; i < m; ++i) points[i].slot = slots_[i];
-}
-
 // A = N^T C N, the compliance along the normals, m/N; b = gap - n.u, what the gap would be without forces.
-void ContactSolver::linearise(std::span<const ContactPoint> points) noexcept {
-  const std::size_t m = points.size(), cols = 3 * block_.used();
+void ContactSolver::linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
+  const std::size_t m = points.size();
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& a = points[i];
-    combine_rows(block_.at(a.slot, 0), cols, block_.ld(), a.normal.data(), along_.data());
     double* row = system_.data() + i * m;
     for (std::size_t j = i; j < m; ++j) {
-      const double* c = along_.data() + 3 * static_cast<std::size_t>(points[j].slot);
+      const float* c = block.at(a.slot, points[j].slot);
       const Vec3& n = points[j].normal;
-      row[j] = system_[j * m + i] = c[0] * n[0] + c[1] * n[1] + c[2] * n[2];
+      double sum = 0;
+      for (int r = 0; r < 3; ++r, c += block.ld())
+        sum += a.normal[r] * (static_cast<double>(c[0]) * n[0] + static_cast<double>(c[1]) * n[1] +
+                              static_cast<double>(c[2]) * n[2]);
+      row[j] = system_[j * m + i] = sum;
     }
     row[i] *= 1 + 1e-9;  // a node held from two sides would make the system singular
     rhs_[i] = a.gap / a.slope - a.normal.dot(a.u);
@@ -64,27 +58,25 @@ void ContactSolver::linearise(std::span<const ContactPoint> points) noexcept {
 }
 
 // u_ of every point under the forces force_.
-void ContactSolver::displace(std::span<const ContactPoint> points) noexcept {
-  const std::size_t m = points.size(), cols = 3 * block_.used();
-  std::fill_n(vector_.begin(), cols, 0.0);
-  for (std::size_t i = 0; i < m; ++i)
-    for (int a = 0; a < 3; ++a)
-      vector_[3 * static_cast<std::size_t>(points[i].slot) + static_cast<std::size_t>(a)] += force_[i][a];
-  for (std::size_t i = 0; i < m; ++i)
-    multiply(block_.at(points[i].slot, 0), 3, cols, block_.ld(), vector_.data(), u_[i].data());
+void ContactSolver::displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (force_[i] != Vec3::Zero()) loaded_[n] = points[i].slot, load_[n++] = force_[i];
+  for (std::size_t i = 0; i < points.size(); ++i)
+    u_[i] = block.displacement(points[i].slot, {loaded_.data(), n}, {load_.data(), n});
 }
 
 // The forces for the gaps and normals at the points' u, what they do (u_, force_, pressure_), and how far
 // that is from the law: the minimum of the elastic energy under the linearised gaps.
-ContactSolver::Step ContactSolver::propose(std::span<const PlacedShape> shapes,
+ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
                                            std::span<const ContactPoint> points) noexcept {
   const std::size_t m = points.size();
   const ComplementarityWork work{{factor_.data(), m * m}, {along_.data(), m}, {index_.data(), m}};
-  linearise(points);
+  linearise(block, points);
   Step s;
   s.factorisations = solve_complementarity(system_.data(), m, m, rhs_.data(), active_, pressure_, work);
   for (std::size_t i = 0; i < m; ++i) force_[i] = pressure_[i] * points[i].normal;
-  displace(points);
+  displace(block, points);
   for (std::size_t i = 0; i < m; ++i) {
     const Gap g = shapes[static_cast<std::size_t>(points[i].instrument)].gap(points[i].rest + u_[i]);
     s.residual = std::max(s.residual, pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
@@ -190,11 +182,10 @@ void ContactSolver::advance(std::span<const PlacedShape> shapes, std::span<Conta
   for (std::size_t i = 0; i < points.size(); ++i) points[i].u = trial_[i], points[i].force = trial_force_[i];
 }
 
-SolveResult ContactSolver::unilateral(const Compliance& compliance, std::span<const PlacedShape> shapes,
+SolveResult ContactSolver::unilateral(const ContactBlock& block, std::span<const PlacedShape> shapes,
                                       std::span<ContactPoint> points, const SolverLimits& limits) noexcept {
   SolveResult result;
   const std::size_t m = points.size();
-  gather(compliance, points);
   History history;
   for (std::size_t i = 0; i < m; ++i) {
     active_[i] = points[i].force != Vec3::Zero();
@@ -208,7 +199,7 @@ SolveResult ContactSolver::unilateral(const Compliance& compliance, std::span<co
       if (result.relinearisations == 0 && c.gap < 0) active_[i] = 1;
     }
     ++result.relinearisations;
-    const Step s = propose(shapes, points);
+    const Step s = propose(block, shapes, points);
     result.factorisations += s.factorisations;
     result.converged = s.factorisations > 0 && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total;
     if (!result.converged && result.relinearisations < limits.max_relinearisations)
@@ -242,11 +233,10 @@ Vec3 project_to_surface(const PlacedShape& shape, const Vec3& p, double toleranc
   return p + b * start.normal;
 }
 
-SolveResult ContactSolver::prescribed(const Compliance& compliance, std::span<const PlacedShape> shapes,
+SolveResult ContactSolver::prescribed(const ContactBlock& block, std::span<const PlacedShape> shapes,
                                       std::span<ContactPoint> points, const SolverLimits& limits) noexcept {
   SolveResult result;
   const std::size_t m = points.size(), n = 3 * m;
-  gather(compliance, points);
   for (std::size_t i = 0; i < m; ++i) {
     ContactPoint& c = points[i];
     const PlacedShape& shape = shapes[static_cast<std::size_t>(c.instrument)];
@@ -256,7 +246,7 @@ SolveResult ContactSolver::prescribed(const Compliance& compliance, std::span<co
     for (std::size_t a = 0; a < 3; ++a) rhs_[3 * i + a] = c.u[static_cast<int>(a)];
     for (std::size_t j = i; j < m; ++j)
       for (std::size_t a = 0; a < 3; ++a) {
-        const float* from = block_.at(c.slot, points[j].slot) + a * block_.ld();
+        const float* from = block.at(c.slot, points[j].slot) + a * block.ld();
         std::copy_n(from, 3, system_.data() + (3 * i + a) * n + 3 * j);
       }
   }

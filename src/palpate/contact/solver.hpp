@@ -19,7 +19,7 @@ struct ContactPoint {
   Index node = -1;  // surface node
   Index row = -1;   // its row in the compliance
   Index instrument = -1;
-  Index slot = -1;             // in the contact block
+  Index slot = -1;             // in the contact block; the caller's to set
   Vec3 rest = Vec3::Zero();    // position at rest, m
   Vec3 u = Vec3::Zero();       // displacement, m: in, the last tick's; out, the solution's
   Vec3 normal = Vec3::Zero();  // direction of the force, unit
@@ -43,16 +43,16 @@ struct SolveResult {
 // Work space for a number of contact points, allocated once.
 class ContactSolver {
  public:
-  ContactSolver(std::size_t capacity, std::size_t compliance_rows);
+  explicit ContactSolver(std::size_t capacity);
   std::size_t capacity() const noexcept { return capacity_; }
 
   // gap >= 0, pressure >= 0, gap * pressure = 0 at every point; forces along the shape's normal (no
-  // friction).
-  SolveResult unilateral(const Compliance& compliance, std::span<const PlacedShape> shapes,
+  // friction). The order of the points decides the bits, that of the block's slots does not.
+  SolveResult unilateral(const ContactBlock& block, std::span<const PlacedShape> shapes,
                          std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
   // The thesis (T 4.3.2): every point is moved onto the shape's surface, to where the normal at rest + u
   // leads; forces may pull. Points must be distinct nodes.
-  SolveResult prescribed(const Compliance& compliance, std::span<const PlacedShape> shapes,
+  SolveResult prescribed(const ContactBlock& block, std::span<const PlacedShape> shapes,
                          std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
 
  private:
@@ -70,7 +70,8 @@ class ContactSolver {
   struct History {
     int depth = 0, newest = 0;
   };
-  Step propose(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points) noexcept;
+  Step propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
+               std::span<const ContactPoint> points) noexcept;
   double merit(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
                double penalty) const noexcept;
   void accelerate(std::span<const ContactPoint> points, History& history) noexcept;
@@ -78,19 +79,18 @@ class ContactSolver {
   void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
                History& history) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
-  void gather(const Compliance& compliance, std::span<ContactPoint> points) noexcept;
-  void linearise(std::span<const ContactPoint> points) noexcept;
-  void displace(std::span<const ContactPoint> points) noexcept;
+  void linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
+  void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
 
   std::size_t capacity_;
-  ContactBlock block_;
   HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 capacity)^2
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
-  std::vector<double> vector_, along_;  // 3 capacity
+  std::vector<double> along_;           // capacity
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;
-  std::vector<Index> rows_, slots_;
+  std::vector<Index> loaded_;    // slots of the points with a force
+  std::vector<Vec3> load_;       // and these, N
   std::vector<Vec3> u_, force_;  // of the points, proposed
   std::vector<Vec3> last_u_, last_force_, last_change_;
   std::vector<Vec3> trial_;

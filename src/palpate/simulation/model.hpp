@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/contact/shape.hpp"
-#include "palpate/simulation/organ.hpp"
+#include "palpate/simulation/surface.hpp"
 
 namespace palpate {
 
@@ -60,9 +60,10 @@ enum StatusBits : std::uint32_t {
 struct Contact {
   Index node = -1;  // surface node
   Index instrument = -1;
-  Vec3 force = Vec3::Zero();  // on the organ, N, world
-  double gap_before = 0;      // m, of the node at rest: minus the penetration depth
-  double gap_after = 0;       // m, after the solve
+  Vec3 force = Vec3::Zero();           // on the organ, N, world
+  Vec3 force_in_organ = Vec3::Zero();  // the same in the organ's frame
+  double gap_before = 0;               // m, of the node at rest: minus the penetration depth
+  double gap_after = 0;                // m, after the solve
 };
 
 struct Wrench {
@@ -82,12 +83,12 @@ struct DeleteScratch {
 };
 
 struct State {
-  std::vector<Vec3f> displacement;  // of the surface nodes from rest, organ frame, m
-  std::vector<Vec3f> reading;       // of its contact points, organ frame, m; of linear tetrahedra the same
-  std::vector<Contact> contacts;    // of this tick: the nodes with a force
-  std::vector<Wrench> wrenches;     // one an instrument
-  double deepest_before = 0;        // m, largest penetration of a node at rest, >= 0
-  double deepest_after = 0;         // m, largest penetration left
+  Surface surface;                // what step() makes of the loads; tick() leaves it alone
+  Loads loads;                    // of this tick: the contacts' forces as the compliance takes them
+  std::vector<Contact> contacts;  // of this tick: the nodes with a force
+  std::vector<Wrench> wrenches;   // one an instrument
+  double deepest_before = 0;      // m, largest penetration of a node at rest, >= 0
+  double deepest_after = 0;       // m, largest penetration left
   int relinearisations = 0;
   std::uint32_t status = status_ok;
   Pose organ;  // of the last tick's input
@@ -97,12 +98,16 @@ struct State {
 
 // Throws Error(usage | resource).
 State make_state(const Model& model);
-// One tick. Never throws, allocates or locks.
+// One tick of forces: reads a surface that was made under this or an earlier tick's loads, and leaves loads,
+// contacts and wrenches. Which surface it is does not change a bit of them. (Mode::imprint has no forces; it
+// changes state.surface.) Never throws, allocates or locks.
+void tick(const Model& model, State& state, const Input& input, const Surface& surface) noexcept;
+// A tick, and the surface under it. Never throws, allocates or locks.
 void step(const Model& model, State& state, const Input& input) noexcept;
 // Deformed surface node in the world.
 inline Vec3 deformed(const Model& model, const State& state, Index node) {
   return state.organ * (model.organ.surface.vertices[static_cast<std::size_t>(node)] +
-                        state.displacement[static_cast<std::size_t>(node)].cast<double>());
+                        state.surface.displacement[static_cast<std::size_t>(node)].cast<double>());
 }
 // What is drawn: the organ's drawing, or where it has none its surface.
 const TriangleMesh& drawn_surface(const Organ& organ);
@@ -111,7 +116,7 @@ std::vector<Vec3> drawn_vertices(const Model& model, const State& state);
 // Where the node's force acts, in the world: of linear tetrahedra the deformed node.
 inline Vec3 contact_point(const Model& model, const State& state, Index node) {
   return state.organ * (model.organ.contact_points[static_cast<std::size_t>(node)] +
-                        state.reading[static_cast<std::size_t>(node)].cast<double>());
+                        state.surface.reading[static_cast<std::size_t>(node)].cast<double>());
 }
 
 }  // namespace palpate

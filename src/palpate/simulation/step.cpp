@@ -1,4 +1,13 @@
-// One tick: place, detect, solve, deform, report. T 4.2 (detection), 4.3.2 (forces from displacements), 5.2.
+// One tick: place, detect, solve, report; and what the forces do to the surface. T 4.2 (detection), 4.3.2
+// (forces from displacements), 5.2.
+//
+// A tick must know where the nodes near an instrument are now, but not where all are: the whole surface is
+// the work of a Deformer, which may be another thread's and lag behind. Detection starts from the surface it
+// is given, made under forces f0 of some earlier tick, and bounds how far a node can have moved since: with C
+// symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(tr C_ii) sqrt((f - f0).C(f - f0)) (Cauchy,
+// Schwarz). What may be near by that bound is placed exactly, by rows of C, summed in an order that does not
+// depend on the bound. So a tick's cost follows the number of contacts, and its bits do not depend on the
+// surface's age.
 #include <algorithm>
 #include <cmath>
 
@@ -10,15 +19,25 @@
 
 namespace palpate {
 
+namespace {
+
+// Slots of the contact block for nodes that are near, but no contact points.
+constexpr std::size_t spare_slots = 256;
+// Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
+constexpr double hidden = 1e-6;
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
 struct StepScratch {
   StepScratch(const Model& model, std::size_t most)
       : compliance(model.organ.compliance.with_work()),
-        solver(most, compliance.nodes()),
+        block(std::min(most + spare_slots, compliance.nodes()), compliance.nodes()),
+        solver(most),
+        deformer(model.organ),
         capacity(most),
-        positions(model.organ.contact_points),
-        means(model.organ.projection.rows(), Eigen::Vector4f::Zero()),
-        drawn(means.size()),
-        work(2 * means.size()) {}
+        compliance_rows(9 * most) {}
 
   // The model's own, in case another organ has been put into it since.
   const Compliance& compliance_of(const Model& model) const {
@@ -26,19 +45,24 @@ struct StepScratch {
   }
 
   Compliance compliance;  // the model's, with work space
+  ContactBlock block;
   ContactSolver solver;
+  Deformer deformer;
   std::size_t capacity;
-  Clusters free, anchored;      // nodes that can move, and those that cannot
-  std::vector<Vec3> positions;  // deformed contact points, organ frame, m
-  std::vector<ClusterBall> rest_balls, balls, anchored_balls;
-  Box rest_box, box, anchored_box;
-  std::vector<PlacedShape> shapes;                  // instruments in the organ's frame
-  std::vector<ContactPoint> points;                 // may touch in this tick
-  std::vector<Index> point_of;                      // [instrument * nodes + node], -1: not among the points
-  std::vector<Index> rows;                          // of the nodes with forces
-  std::vector<float> forces, u;                     // 3 a row
-  std::vector<Eigen::Vector4f> means, drawn, work;  // for the projection onto the surface nodes
-  double size = 0, tolerance = 0, reach = 0;        // m
+  Clusters anchored;  // nodes that cannot move
+  ClusterBounds rest_bounds, anchored_bounds;
+  std::vector<PlacedShape> shapes;            // instruments in the organ's frame
+  std::vector<ContactPoint> points;           // may touch in this tick
+  std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
+  std::vector<Index> candidates;              // nodes that may be near an instrument
+  std::vector<Index> near;                    // all of this tick, each once
+  std::vector<std::uint8_t> is_near;          // of each node: among `near`
+  std::vector<Index> wanted, slots;           // rows for the contact block, and where they came
+  std::vector<Vec3> u;                        // of each node, m; right under the loads of the same number:
+  std::vector<std::uint64_t> u_number;        // of each node
+  std::vector<Index> loaded;                  // slots of state.loads
+  std::vector<float> compliance_rows;         // of a node without a slot
+  double size = 0, tolerance = 0, reach = 0;  // m
 };
 
 void DeleteScratch::operator()(StepScratch* scratch) const noexcept { delete scratch; }
@@ -57,33 +81,35 @@ State make_state(const Model& model) {
   const auto capacity = std::min<std::size_t>(static_cast<std::size_t>(model.settings.max_contacts),
                                               s * std::max<std::size_t>(instruments, 1));
   State state;
+  state.surface = make_surface(organ);
+  state.loads = Loads(s);
+  state.contacts.reserve(std::max(capacity, s));
+  state.wrenches.assign(instruments, Wrench{});
   state.scratch.reset(new StepScratch(model, capacity));
   StepScratch& w = *state.scratch;
   std::vector<Index> anchored;
   for (std::size_t i = 0; i < s; ++i)
     if (organ.row_of[i] < 0) anchored.push_back(static_cast<Index>(i));
-  w.free = Clusters(organ.contact_points, organ.node_of_row);
   w.anchored = Clusters(organ.contact_points, anchored);
-  w.rest_balls.resize(w.free.size());
-  w.anchored_balls.resize(w.anchored.size());
-  w.rest_box = w.box = bound_clusters(w.free, organ.contact_points, w.rest_balls);
-  w.anchored_box = bound_clusters(w.anchored, organ.contact_points, w.anchored_balls);
-  w.balls = w.rest_balls;
+  w.anchored_bounds = ClusterBounds(w.anchored);
+  w.anchored_bounds.update(w.anchored, organ.contact_points);
+  w.rest_bounds = state.surface.bounds;
   w.shapes.reserve(instruments);
-  w.points.reserve(w.capacity);
+  w.points.reserve(capacity);
   w.point_of.assign(s * instruments, -1);
-  w.rows.reserve(s);
-  w.forces.reserve(3 * s);
-  w.u.assign(3 * organ.compliance.nodes(), 0.0f);
+  w.candidates.reserve(s);
+  w.near.reserve(s);
+  w.is_near.assign(s, 0);
+  w.wanted.reserve(w.block.capacity());
+  w.slots.resize(w.block.capacity());
+  w.u.assign(s, Vec3::Zero());
+  w.u_number.assign(s, 0);
+  w.loaded.resize(s);
   w.size = bounding_box(organ.surface.vertices).diagonal();
   w.tolerance = model.settings.tolerance * w.size;
   double area = 0;
   for (const double a : organ.areas) area += a;
   w.reach = 0.25 * std::sqrt(area / static_cast<double>(s));
-  state.displacement.assign(s, Vec3f::Zero());
-  state.reading = state.displacement;
-  state.contacts.reserve(std::max(w.capacity, s));
-  state.wrenches.assign(instruments, Wrench{});
   return state;
 }
 
@@ -113,17 +139,16 @@ void place(const Model& model, StepScratch& w, const Input& input) {
 }
 
 // Adds a node once an instrument; false when there is no room.
-bool add_point(const Model& model, const State& state, StepScratch& w, Index node, std::size_t instrument,
+bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
                const Vec3& force = Vec3::Zero()) {
-  const auto n = static_cast<std::size_t>(node);
-  Index& place = w.point_of[instrument * model.organ.surface_size() + n];
+  Index& place = w.point_of[instrument * model.organ.surface_size() + at(node)];
   if (place >= 0) return true;
   if (w.points.size() >= w.capacity) return false;
   place = static_cast<Index>(w.points.size());
   ContactPoint c;
-  c.node = node, c.row = model.organ.row_of[n], c.instrument = static_cast<Index>(instrument);
-  c.rest = model.organ.contact_points[n];
-  c.u = state.reading[n].cast<double>();
+  c.node = node, c.row = model.organ.row_of[at(node)], c.instrument = static_cast<Index>(instrument);
+  c.rest = model.organ.contact_points[at(node)];
+  c.u = u;
   c.force = force;
   w.points.push_back(c);
   return true;
@@ -131,128 +156,183 @@ bool add_point(const Model& model, const State& state, StepScratch& w, Index nod
 
 void forget_points(const Model& model, StepScratch& w) {
   for (const ContactPoint& c : w.points)
-    w.point_of[static_cast<std::size_t>(c.instrument) * model.organ.surface_size() +
-               static_cast<std::size_t>(c.node)] = -1;
+    w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)] = -1;
   w.points.clear();
 }
 
+// Gives slots in the contact block to the loads (while nodes are looked for) or to the points (when these are
+// solved for), and to what is near while there is room.
+enum class For { loads, points };
+void hold(const Model& model, State& state, For what) {
+  StepScratch& w = *state.scratch;
+  w.wanted.clear();
+  const auto want = [&](Index row) {
+    if (w.wanted.size() < w.block.capacity()) w.wanted.push_back(row);
+  };
+  if (what == For::loads)
+    for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
+  else
+    for (const ContactPoint& c : w.points) want(c.row);
+  for (const Index node : w.near) want(model.organ.row_of[at(node)]);
+  w.block.require(w.compliance_of(model), w.wanted, w.slots);
+  for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
+  for (ContactPoint& c : w.points) c.slot = w.block.slot_of(c.row);
+}
+
+void forget_near(StepScratch& w) {
+  for (const Index node : w.near) w.is_near[at(node)] = 0;
+  w.near.clear();
+}
+
+// Displacement of a node under state.loads, in float64; the loads have slots.
+const Vec3& displacement(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  const Loads& loads = state.loads;
+  Vec3& u = w.u[at(node)];
+  if (w.u_number[at(node)] == loads.number) return u;
+  w.u_number[at(node)] = loads.number;
+  const std::size_t n = loads.count;
+  const Index row = model.organ.row_of[at(node)];
+  if (const Index slot = w.block.slot_of(row); slot >= 0)
+    return u = w.block.displacement(slot, {w.loaded.data(), n}, {loads.forces.data(), n});
+  w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
+  u.setZero();
+  const float* c = w.compliance_rows.data();
+  for (std::size_t k = 0; k < n; ++k)
+    for (std::size_t r = 0; r < 3; ++r) {
+      const float* e = c + 3 * n * r + 3 * k;
+      const Vec3& f = loads.forces[k];
+      u[static_cast<int>(r)] += static_cast<double>(e[0]) * f[0] + static_cast<double>(e[1]) * f[1] +
+                                static_cast<double>(e[2]) * f[2];
+    }
+  return u;
+}
+
+// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
+double drift(const Model& model, State& state, const Surface& surface) {
+  const Loads& then = surface.loads;
+  if (then.number == state.loads.number) return 0;
+  const double work = state.loads.work(), work_then = then.work();
+  double both = 0;
+  for (std::size_t i = 0; i < then.count; ++i)
+    both += then.forces[i].dot(displacement(model, state, model.organ.node_of_row[at(then.rows[i])]));
+  return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
+}
+
+// Calls found(node, distance, u) for every free node nearer to the shape than `reach` under state.loads.
+template <class Found>
+void near_now(const Model& model, State& state, const Surface& surface, const PlacedShape& shape,
+              double reach, double drifted, Found&& found) {
+  StepScratch& w = *state.scratch;
+  w.candidates.clear();
+  // The surface is float32: what it says is off by less than the tolerance.
+  near_nodes(*surface.clusters, surface.bounds, surface.positions, shape, reach + w.tolerance, drifted,
+             [&](Index node, double) {
+               w.candidates.push_back(node);
+               if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
+             });
+  if (w.candidates.empty()) return;
+  hold(model, state, For::loads);
+  for (const Index node : w.candidates) {
+    const Vec3& u = displacement(model, state, node);
+    const double d = shape.distance(model.organ.contact_points[at(node)] + u);
+    if (d < reach) found(node, d, u);
+  }
+}
+
 // The nodes with a force in the last tick, and all nodes near an instrument where the surface is now.
-void detect(const Model& model, State& state, const Eigen::Quaterniond& last_frame) {
+void detect(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
   for (const Contact& c : state.contacts)
-    if (c.instrument >= 0 && static_cast<std::size_t>(c.instrument) < w.shapes.size() &&
-        model.settings.mode == Mode::unilateral)
-      add_point(model, state, w, c.node, static_cast<std::size_t>(c.instrument),
-                last_frame.conjugate() * c.force);
-  for (std::size_t i = 0; i < w.shapes.size(); ++i) {
-    near_nodes(w.free, w.balls, w.box, w.positions, w.shapes[i], w.reach, [&](Index node, double) {
-      if (!add_point(model, state, w, node, i)) state.status |= too_many_contacts;
+    if (c.instrument >= 0 && at(c.instrument) < w.shapes.size() && model.settings.mode == Mode::unilateral)
+      add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node), c.force_in_organ);
+  const double drifted = drift(model, state, surface);
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)
+    near_now(model, state, surface, w.shapes[i], w.reach, drifted, [&](Index node, double, const Vec3& u) {
+      if (!add_point(model, w, node, i, u)) state.status |= too_many_contacts;
     });
-    near_nodes(w.anchored, w.anchored_balls, w.anchored_box, w.positions, w.shapes[i], -w.tolerance,
-               [&](Index, double) { state.status |= anchor_touched; });
-  }
 }
 
 // Prescribed law: the nodes inside at rest, as in the thesis. A node belongs to the first instrument it is
 // in.
-void detect_at_rest(const Model& model, State& state) {
+void detect_at_rest(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
-  std::fill(state.reading.begin(), state.reading.end(), Vec3f::Zero());
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_nodes(w.free, w.rest_balls, w.rest_box, model.organ.contact_points, w.shapes[i], 0.0,
+    near_nodes(*surface.clusters, w.rest_bounds, model.organ.contact_points, w.shapes[i], 0.0, 0.0,
                [&](Index node, double) {
                  for (std::size_t other = 0; other < i; ++other)
-                   if (w.point_of[other * model.organ.surface_size() + static_cast<std::size_t>(node)] >= 0)
-                     return;
-                 if (!add_point(model, state, w, node, i)) state.status |= too_many_contacts;
+                   if (w.point_of[other * model.organ.surface_size() + at(node)] >= 0) return;
+                 if (!add_point(model, w, node, i, Vec3::Zero())) state.status |= too_many_contacts;
                });
 }
 
-// What C f says of the contact points, and where they are now.
-void take_up(const Model& model, State& state) {
+void see_anchored(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
-  const Organ& organ = model.organ;
-  for (std::size_t r = 0; r < organ.compliance.nodes(); ++r) {
-    const auto node = static_cast<std::size_t>(organ.node_of_row[r]);
-    const Vec3f u(w.u[3 * r], w.u[3 * r + 1], w.u[3 * r + 2]);
-    state.reading[node] = u;
-    w.positions[node] = organ.contact_points[node] + u.cast<double>();
-  }
+  for (const PlacedShape& shape : w.shapes)
+    near_nodes(w.anchored, w.anchored_bounds, model.organ.contact_points, shape, -w.tolerance, 0.0,
+               [&](Index, double) { state.status |= anchor_touched; });
 }
 
-// The surface nodes' displacement from what was read at the contact points.
-void project(const Model& model, State& state) {
+// The points' forces become the loads; a node touched by two instruments is one.
+void take_loads(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
-  const Organ& organ = model.organ;
-  if (organ.order == 1) {
-    std::copy(state.reading.begin(), state.reading.end(), state.displacement.begin());
-    return;
-  }
-  for (std::size_t r = 0; r < w.means.size(); ++r)
-    w.means[r].head<3>() = state.reading[static_cast<std::size_t>(organ.node_of_row[r])];
-  organ.projection(w.means, w.drawn, w.work);
-  for (std::size_t r = 0; r < w.means.size(); ++r)
-    state.displacement[static_cast<std::size_t>(organ.node_of_row[r])] = w.drawn[r].head<3>();
-}
-
-// u = C f on the whole surface.
-void deform(const Model& model, State& state) {
-  StepScratch& w = *state.scratch;
-  w.rows.clear();
-  w.forces.clear();
+  Loads& loads = state.loads;
+  loads.count = 0;
+  ++loads.number;
   for (const ContactPoint& c : w.points) {
+    w.u[at(c.node)] = c.u, w.u_number[at(c.node)] = loads.number;
     if (c.force == Vec3::Zero()) continue;
-    w.rows.push_back(c.row);
-    for (int a = 0; a < 3; ++a) w.forces.push_back(static_cast<float>(c.force[a]));
+    std::size_t i = loads.count;
+    for (Index other = 0; other < c.instrument; ++other)
+      if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0)
+        i = static_cast<std::size_t>(std::find(loads.rows.begin(),
+                                               loads.rows.begin() + static_cast<std::ptrdiff_t>(loads.count),
+                                               c.row) -
+                                     loads.rows.begin());
+    if (i == loads.count) loads.rows[loads.count] = c.row, loads.forces[loads.count++].setZero();
+    loads.forces[i] += c.force, loads.u[i] = c.u;
   }
-  w.compliance_of(model).apply(w.rows, w.forces, w.u);
-  for (const ContactPoint& c : w.points)  // these are known in float64
-    for (int a = 0; a < 3; ++a)
-      w.u[3 * static_cast<std::size_t>(c.row) + static_cast<std::size_t>(a)] = static_cast<float>(c.u[a]);
-  take_up(model, state);
-  w.box = bound_clusters(w.free, w.positions, w.balls);
+  loads.u_known = true;
+  for (std::size_t i = 0; i < loads.count; ++i) w.loaded[i] = w.block.slot_of(loads.rows[i]);
 }
 
 // Nodes that were not among the points and lie inside an instrument now become points too. True when there
 // were any.
-bool add_swallowed(const Model& model, State& state) {
+bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
-  const std::size_t before = w.points.size();
-  state.deepest_after = 0;
+  const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
+  const double drifted = drift(model, state, surface);
+  state.deepest_after = 0;
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_nodes(w.free, w.balls, w.box, w.positions, w.shapes[i], -w.tolerance, [&](Index node, double d) {
-      state.deepest_after = std::max(state.deepest_after, -d);
-      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-        if (w.point_of[other * model.organ.surface_size() + static_cast<std::size_t>(node)] >= 0) return;
-      if (!add_point(model, state, w, node, i)) state.status |= too_many_contacts;
-    });
+    near_now(model, state, surface, w.shapes[i], -w.tolerance, drifted,
+             [&](Index node, double d, const Vec3& u) {
+               state.deepest_after = std::max(state.deepest_after, -d);
+               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+                 if (w.point_of[other * s + at(node)] >= 0) return;
+               if (!add_point(model, w, node, i, u)) state.status |= too_many_contacts;
+             });
   return w.points.size() > before;
 }
 
-// Solve and deform until no other node is swallowed by what the forces do.
-void solve_and_deform(const Model& model, State& state) {
+// Solves until no other node is swallowed by what the forces do.
+void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   const SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
-  const Compliance& compliance = w.compliance_of(model);
   SolveResult result;
   for (int round = 0; round < 10; ++round) {
-    const Timer solving = wall_timer();
+    hold(model, state, For::points);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
-                   ? w.solver.prescribed(compliance, w.shapes, w.points, limits)
-                   : w.solver.unilateral(compliance, w.shapes, w.points, limits);
+                   ? w.solver.prescribed(w.block, w.shapes, w.points, limits)
+                   : w.solver.unilateral(w.block, w.shapes, w.points, limits);
     else
       result.converged = true;
     state.relinearisations += result.relinearisations;
-    state.times.solve += solving.seconds();
-    const Timer deforming = wall_timer();
-    deform(model, state);
-    const bool more = add_swallowed(model, state);
-    state.times.deform += deforming.seconds();
-    if (!more) {
+    take_loads(model, state);
+    if (!add_swallowed(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;
     }
@@ -264,62 +344,65 @@ void solve_and_deform(const Model& model, State& state) {
 // radius^2), cut at 3 radii.
 void gaussian(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
+  const Organ& organ = model.organ;
   const double radius = model.settings.gaussian_radius;
-  w.rows.clear();
-  w.forces.clear();
-  for (const PlacedShape& shape : w.shapes) {
-    const Vec3 centre = shape.to_organ.translation, direction = shape.to_organ.rotation * Vec3(0, 0, -1);
-    const auto first = static_cast<std::ptrdiff_t>(w.rows.size());
-    double sum = 0;
-    for (const Index node : w.free.nodes) {
-      const auto n = static_cast<std::size_t>(node);
-      const double r2 = (model.organ.contact_points[n] - centre).squaredNorm() / (radius * radius);
-      if (r2 > 9 || w.rows.size() >= static_cast<std::size_t>(w.rows.capacity())) continue;
-      const double weight = model.organ.areas[n] * std::exp(-0.5 * r2);
-      sum += weight;
-      w.rows.push_back(model.organ.row_of[n]);
-      for (int a = 0; a < 3; ++a) w.forces.push_back(static_cast<float>(weight * direction[a]));
-    }
-    for (auto f = w.forces.begin() + 3 * first; f != w.forces.end(); ++f)
-      *f *= static_cast<float>(sum > 0 ? model.settings.gaussian_force / sum : 0.0);
-  }
-  w.compliance_of(model).apply(w.rows, w.forces, w.u);
+  Loads& loads = state.loads;
+  loads.count = 0;
+  loads.u_known = false;
+  ++loads.number;
   state.contacts.clear();
-  for (std::size_t i = 0; i < w.rows.size(); ++i) {
-    Contact c;
-    c.node = model.organ.node_of_row[static_cast<std::size_t>(w.rows[i])];
-    c.instrument = 0;
-    c.force = state.organ.rotation *
-              Vec3f(w.forces[3 * i], w.forces[3 * i + 1], w.forces[3 * i + 2]).cast<double>();
-    state.contacts.push_back(c);
+  std::fill(w.loaded.begin(), w.loaded.end(), Index{-1});  // place of each node among the loads
+  for (std::size_t i = 0; i < w.shapes.size(); ++i) {
+    const PlacedShape& shape = w.shapes[i];
+    const Vec3 centre = shape.to_organ.translation, direction = shape.to_organ.rotation * Vec3(0, 0, -1);
+    const auto weight = [&](Index node) {
+      const double r2 = (organ.contact_points[at(node)] - centre).squaredNorm() / (radius * radius);
+      return r2 > 9 ? 0.0 : organ.areas[at(node)] * std::exp(-0.5 * r2);
+    };
+    double sum = 0;
+    for (const Index node : organ.node_of_row) sum += weight(node);
+    for (const Index node : organ.node_of_row) {
+      const double share = sum > 0 ? weight(node) / sum : 0;
+      if (share == 0) continue;
+      const Vec3 force = share * model.settings.gaussian_force * direction;
+      Index& place = w.loaded[at(node)];
+      if (place < 0) {
+        place = static_cast<Index>(loads.count++);
+        loads.rows[at(place)] = organ.row_of[at(node)], loads.forces[at(place)].setZero();
+      }
+      loads.forces[at(place)] += force;
+      if (state.contacts.size() == state.contacts.capacity()) continue;
+      Contact c;
+      c.node = node, c.instrument = static_cast<Index>(i);
+      c.force_in_organ = force, c.force = state.organ.rotation * force;
+      state.contacts.push_back(c);
+    }
+    state.wrenches[i] = {state.organ.rotation * Vec3(-model.settings.gaussian_force * direction),
+                         Vec3::Zero()};
   }
-  for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    state.wrenches[i] = {
-        state.organ.rotation * (w.shapes[i].to_organ.rotation * Vec3(0, 0, model.settings.gaussian_force)),
-        Vec3::Zero()};
-  take_up(model, state);
-  project(model, state);
 }
 
 // Nodes inside an instrument are moved onto its surface and stay there (T fig. 6.4).
 void imprint(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
+  Surface& surface = state.surface;
   state.contacts.clear();
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_nodes(w.free, w.balls, w.box, w.positions, w.shapes[i], -0.1 * w.tolerance,
+    near_nodes(*surface.clusters, surface.bounds, surface.positions, w.shapes[i], -0.1 * w.tolerance, 0.0,
                [&](Index node, double d) {
-                 const auto n = static_cast<std::size_t>(node);
+                 const std::size_t n = at(node);
                  state.deepest_before = std::max(state.deepest_before, -d);
-                 w.positions[n] = project_to_surface(w.shapes[i], w.positions[n], 0.1 * w.tolerance);
-                 state.displacement[n] = state.reading[n] =
-                     (w.positions[n] - model.organ.contact_points[n]).cast<float>();
+                 Vec3& p = surface.positions[n];
+                 p = project_to_surface(w.shapes[i], p, 0.1 * w.tolerance);
+                 surface.displacement[n] = surface.reading[n] =
+                     (p - model.organ.contact_points[n]).cast<float>();
                  if (state.contacts.size() == state.contacts.capacity()) return;
                  Contact c;
                  c.node = node, c.instrument = static_cast<Index>(i), c.gap_before = d,
-                 c.gap_after = w.shapes[i].distance(w.positions[n]);
+                 c.gap_after = w.shapes[i].distance(p);
                  state.contacts.push_back(c);
                });
-  w.box = bound_clusters(w.free, w.positions, w.balls);
+  surface.bounds.update(*surface.clusters, surface.positions);
 }
 
 // Contacts in the world, and what the instruments feel.
@@ -328,18 +411,17 @@ void report(State& state, const Input& input) {
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
   for (const ContactPoint& p : w.points) {
-    const PlacedShape& shape = w.shapes[static_cast<std::size_t>(p.instrument)];
+    const PlacedShape& shape = w.shapes[at(p.instrument)];
     const double before = shape.distance(p.rest);
     state.deepest_before = std::max(state.deepest_before, -before);
     if (p.force == Vec3::Zero()) continue;
     Contact c;
     c.node = p.node, c.instrument = p.instrument, c.gap_before = before;
-    c.gap_after = shape.distance(w.positions[static_cast<std::size_t>(p.node)]);
-    c.force = state.organ.rotation * p.force;
+    c.gap_after = shape.distance(p.rest + p.u);
+    c.force_in_organ = p.force, c.force = state.organ.rotation * p.force;
     state.contacts.push_back(c);
-    Wrench& wrench = state.wrenches[static_cast<std::size_t>(p.instrument)];
-    const Vec3 arm = state.organ * w.positions[static_cast<std::size_t>(p.node)] -
-                     input.instruments[static_cast<std::size_t>(p.instrument)].translation;
+    Wrench& wrench = state.wrenches[at(p.instrument)];
+    const Vec3 arm = state.organ * Vec3(p.rest + p.u) - input.instruments[at(p.instrument)].translation;
     wrench.force -= c.force;
     wrench.torque -= arm.cross(c.force);
     state.deepest_after = std::max(state.deepest_after, -c.gap_after);
@@ -348,7 +430,7 @@ void report(State& state, const Input& input) {
 
 }  // namespace
 
-void step(const Model& model, State& state, const Input& input) noexcept {
+void tick(const Model& model, State& state, const Input& input, const Surface& surface) noexcept {
   const Timer total = wall_timer();
   state.times = {};
   state.relinearisations = 0;
@@ -358,21 +440,22 @@ void step(const Model& model, State& state, const Input& input) noexcept {
   }
   state.status = status_ok;
   state.deepest_before = state.deepest_after = 0;
-  const Eigen::Quaterniond last_frame = state.organ.rotation;
   state.organ = normalized(input.organ);
   place(model, *state.scratch, input);
+  forget_near(*state.scratch);
+  if (!state.loads.u_known) state.loads.count = 0;  // another mode's
   switch (model.settings.mode) {
     case Mode::unilateral:
     case Mode::prescribed: {
-      const Timer detecting = wall_timer();
-      model.settings.mode == Mode::prescribed ? detect_at_rest(model, state)
-                                              : detect(model, state, last_frame);
-      state.times.detect = detecting.seconds();
-      solve_and_deform(model, state);
-      const Timer drawing = wall_timer();
-      project(model, state);
-      state.times.deform += drawing.seconds();
+      Timer timer = wall_timer();
+      see_anchored(model, state);
+      model.settings.mode == Mode::prescribed ? detect_at_rest(model, state, surface)
+                                              : detect(model, state, surface);
+      state.times.detect = timer.seconds();
+      timer = wall_timer();
+      solve(model, state, surface);
       report(state, input);
+      state.times.solve = timer.seconds();
       break;
     }
     case Mode::gaussian:
@@ -383,6 +466,15 @@ void step(const Model& model, State& state, const Input& input) noexcept {
       break;
   }
   state.times.total = total.seconds();
+}
+
+void step(const Model& model, State& state, const Input& input) noexcept {
+  tick(model, state, input, state.surface);
+  if (state.status & bad_input || model.settings.mode == Mode::imprint) return;
+  const Timer timer = wall_timer();
+  state.scratch->deformer(model.organ, state.loads, state.surface);
+  state.times.deform = timer.seconds();
+  state.times.total += state.times.deform;
 }
 
 }  // namespace palpate

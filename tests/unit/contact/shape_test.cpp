@@ -56,13 +56,13 @@ TEST(Clusters, FindExactlyTheNearNodes) {
   const Clusters clusters(points, nodes, 16);
   for (Vec3& p : points)
     p += 0.01 * Vec3(uniform(random), uniform(random), uniform(random));  // they move after baking
-  std::vector<ClusterBall> balls(clusters.size());
-  const Box box = bound_clusters(clusters, points, balls);
+  ClusterBounds bounds(clusters);
+  bounds.update(clusters, points);
   for (const Shape& shape : primitives) {
     const PlacedShape placed(shape, {Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())),
                                      Vec3(0.02, -0.03, 0.01)});
     std::vector<Index> found, expected;
-    near_nodes(clusters, balls, box, points, placed, 0.005, [&](Index n, double) { found.push_back(n); });
+    near_nodes(clusters, bounds, points, placed, 0.005, 0, [&](Index n, double) { found.push_back(n); });
     for (const Index n : nodes)
       if (placed.distance(points[static_cast<std::size_t>(n)]) < 0.005) expected.push_back(n);
     std::sort(found.begin(), found.end());

@@ -15,7 +15,7 @@ Vec3 rest(const Model& m, Index node) { return m.organ.surface.vertices[static_c
 void expect_drawn_as_read(const Model& model, const State& state) {
   const Organ& organ = model.organ;
   if (organ.order == 1) {
-    EXPECT_EQ(state.displacement, state.reading);
+    EXPECT_EQ(state.surface.displacement, state.surface.reading);
     return;
   }
   std::vector<Vec3> mean(organ.surface_size(), Vec3::Zero());
@@ -25,11 +25,11 @@ void expect_drawn_as_read(const Model& model, const State& state) {
       for (const Index j : t)
         mean[static_cast<std::size_t>(i)] += area_vector(organ.surface, t).norm() / (i == j ? 6 : 12) /
                                              organ.areas[static_cast<std::size_t>(i)] *
-                                             state.displacement[static_cast<std::size_t>(j)].cast<double>();
+                                             state.surface.displacement[static_cast<std::size_t>(j)].cast<double>();
   for (const Index i : organ.node_of_row) {
     const auto n = static_cast<std::size_t>(i);
-    largest = std::max<double>(largest, state.reading[n].norm());
-    off = std::max(off, (mean[n] - state.reading[n].cast<double>()).norm());
+    largest = std::max<double>(largest, state.surface.reading[n].norm());
+    off = std::max(off, (mean[n] - state.surface.reading[n].cast<double>()).norm());
   }
   EXPECT_LE(off, 1e-3 * largest);
 }
@@ -74,7 +74,7 @@ void expect_signorini(const Model& model, const State& state, const Input& input
   for (std::size_t r = 0; r < model.organ.compliance.nodes(); ++r)
     for (std::size_t a = 0; a < 3; ++a)
       ASSERT_NEAR(u[3 * r + a],
-                  state.reading[static_cast<std::size_t>(model.organ.node_of_row[r])][static_cast<int>(a)],
+                  state.surface.reading[static_cast<std::size_t>(model.organ.node_of_row[r])][static_cast<int>(a)],
                   tolerance);
   expect_drawn_as_read(model, state);
 }
@@ -85,7 +85,7 @@ TEST(Step, NoContactNoForce) {
   step(model, state, at(Vec3(0, 0, 0.2)));
   EXPECT_EQ(state.status, 0u);
   EXPECT_TRUE(state.contacts.empty());
-  for (const Vec3f& u : state.displacement) EXPECT_EQ(u, Vec3f::Zero());
+  for (const Vec3f& u : state.surface.displacement) EXPECT_EQ(u, Vec3f::Zero());
   step(model, state, at(Vec3(0, 0, 0.1301)));  // 0.1 mm above
   EXPECT_TRUE(state.contacts.empty());
 }
@@ -117,7 +117,7 @@ TEST(Step, UnilateralLawHoldsWhilePressingSlidingAndLeaving) {
       EXPECT_GT(peak, 0.5);
       step(model, state, at(Vec3(0, 0, 0.5)));
       EXPECT_TRUE(state.contacts.empty());
-      for (const Vec3f& u : state.displacement) EXPECT_EQ(u, Vec3f::Zero());  // elastic: nothing stays
+      for (const Vec3f& u : state.surface.displacement) EXPECT_EQ(u, Vec3f::Zero());  // elastic: nothing stays
     }
   }
 }
@@ -230,11 +230,11 @@ TEST(Step, MovingTheAnchorsFrameMovesTheBodyWithoutDeformingIt) {
   EXPECT_LT((frame.rotation * here.wrenches[0].force - there.wrenches[0].force).norm(),
             1e-4 * here.wrenches[0].force.norm());
   for (std::size_t n = 0; n < model.organ.surface_size(); ++n)
-    EXPECT_LT((here.displacement[n] - there.displacement[n]).norm(), 1e-6f * 0.17f);
+    EXPECT_LT((here.surface.displacement[n] - there.surface.displacement[n]).norm(), 1e-6f * 0.17f);
   Input alone = at(Vec3(0, 0, 5));
   alone.organ = frame;
   step(model, there, alone);
-  for (const Vec3f& u : there.displacement) EXPECT_EQ(u, Vec3f::Zero());
+  for (const Vec3f& u : there.surface.displacement) EXPECT_EQ(u, Vec3f::Zero());
   EXPECT_LT((deformed(model, there, 0) - frame * rest(model, 0)).norm(), 1e-12);
 }
 
@@ -258,13 +258,13 @@ TEST(Step, BadInputIsAStatusAndLeavesTheStateAlone) {
   const Model model = block_model(5, Sphere{0.03});
   State state = make_state(model);
   step(model, state, at(Vec3(0, 0, 0.12)));
-  const std::vector<Vec3f> before = state.displacement;
+  const std::vector<Vec3f> before = state.surface.displacement;
   const double nan = std::nan("");
   for (Input bad : {at(Vec3(nan, 0, 0)), at(Vec3(0, 0, 1), Eigen::Quaterniond(0, 0, 0, 0)),
                     at(Vec3(0, INFINITY, 0)), Input{}}) {
     step(model, state, bad);
     EXPECT_EQ(state.status, bad_input);
-    EXPECT_EQ(before, state.displacement);
+    EXPECT_EQ(before, state.surface.displacement);
   }
   step(model, state, at(Vec3(0, 0, 0.12)));
   EXPECT_EQ(state.status, 0u);
@@ -296,8 +296,8 @@ TEST(Step, GaussianForceWithoutCollision) {
   EXPECT_LT((total - Vec3(0, 0, -1)).norm(), 1e-5);
   EXPECT_LT((state.wrenches[0].force - Vec3(0, 0, 1)).norm(), 1e-12);
   Index lowest = 0;
-  for (std::size_t i = 0; i < state.displacement.size(); ++i)
-    if (state.displacement[i].z() < state.displacement[static_cast<std::size_t>(lowest)].z())
+  for (std::size_t i = 0; i < state.surface.displacement.size(); ++i)
+    if (state.surface.displacement[i].z() < state.surface.displacement[static_cast<std::size_t>(lowest)].z())
       lowest = static_cast<Index>(i);
   EXPECT_LT((rest(model, lowest) - Vec3(0, 0, 0.1)).norm(), 0.013);  // the deepest dent is under the force
 }
@@ -307,9 +307,9 @@ TEST(Step, ImprintStays) {
   State state = make_state(model);
   step(model, state, at(Vec3(0, 0, 0.12)));
   EXPECT_GT(state.contacts.size(), 3u);
-  const std::vector<Vec3f> dent = state.displacement;
+  const std::vector<Vec3f> dent = state.surface.displacement;
   step(model, state, at(Vec3(0, 0, 0.5)));
-  EXPECT_EQ(dent, state.displacement);
+  EXPECT_EQ(dent, state.surface.displacement);
   float deepest = 0;
   for (const Vec3f& u : dent) deepest = std::min(deepest, u.z());
   EXPECT_NEAR(deepest, -0.01, 0.001);
@@ -322,7 +322,7 @@ TEST(Step, SameInputsSameBits) {
     const Input input = at(Vec3(0.001 * k, 0, 0.125 - 0.0003 * k));
     step(model, a, input);
     step(model, b, input);
-    ASSERT_EQ(a.displacement, b.displacement);
+    ASSERT_EQ(a.surface.displacement, b.surface.displacement);
     ASSERT_EQ(a.wrenches[0].force, b.wrenches[0].force);
   }
 }

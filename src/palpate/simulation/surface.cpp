@@ -1,0 +1,79 @@
+#include "palpate/simulation/surface.hpp"
+
+#include <cmath>
+
+namespace palpate {
+
+namespace {
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+double Loads::work() const noexcept {
+  double sum = 0;
+  for (std::size_t i = 0; i < count; ++i) sum += forces[i].dot(u[i]);
+  return sum;
+}
+
+Surface make_surface(const Organ& organ) {
+  const std::size_t s = organ.surface_size();
+  std::vector<float> softness(s, 0.0f);
+  for (std::size_t r = 0; r < organ.compliance.nodes(); ++r) {
+    const auto row = static_cast<Index>(r);
+    std::array<float, 9> c;
+    organ.compliance.block({&row, 1}, c, 3);
+    softness[at(organ.node_of_row[r])] = std::sqrt(std::max(0.0f, c[0] + c[4] + c[8])) * (1 + 1e-4f);
+  }
+  Surface surface;
+  surface.loads = Loads(s);
+  surface.displacement.assign(s, Vec3f::Zero());
+  surface.reading = surface.displacement;
+  surface.positions = organ.contact_points;
+  surface.clusters = std::make_shared<const Clusters>(organ.contact_points, organ.node_of_row, 32, softness);
+  surface.bounds = ClusterBounds(*surface.clusters);
+  surface.bounds.update(*surface.clusters, surface.positions);
+  return surface;
+}
+
+Deformer::Deformer(const Organ& organ)
+    : compliance_(organ.compliance.with_work()),
+      forces_(3 * organ.surface_size()),
+      u_(3 * organ.compliance.nodes()),
+      means_(organ.projection.rows(), Eigen::Vector4f::Zero()),
+      drawn_(means_.size()),
+      work_(2 * means_.size()) {}
+
+void Deformer::operator()(const Organ& organ, const Loads& loads, Surface& surface) noexcept {
+  const std::size_t n = loads.count;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t a = 0; a < 3; ++a)
+      forces_[3 * i + a] = static_cast<float>(loads.forces[i][static_cast<int>(a)]);
+  (compliance_.same_numbers(organ.compliance) ? compliance_ : organ.compliance)
+      .apply({loads.rows.data(), n}, {forces_.data(), 3 * n}, u_);
+  for (std::size_t i = 0; i < n && loads.u_known; ++i)  // these are known in float64
+    for (std::size_t a = 0; a < 3; ++a)
+      u_[3 * at(loads.rows[i]) + a] = static_cast<float>(loads.u[i][static_cast<int>(a)]);
+  for (std::size_t r = 0; r < organ.compliance.nodes(); ++r) {
+    const std::size_t node = at(organ.node_of_row[r]);
+    surface.reading[node] = Vec3f(u_[3 * r], u_[3 * r + 1], u_[3 * r + 2]);
+    surface.positions[node] = organ.contact_points[node] + surface.reading[node].cast<double>();
+  }
+  if (organ.order == 1) {
+    std::copy(surface.reading.begin(), surface.reading.end(), surface.displacement.begin());
+  } else {
+    for (std::size_t r = 0; r < means_.size(); ++r)
+      means_[r].head<3>() = surface.reading[at(organ.node_of_row[r])];
+    organ.projection(means_, drawn_, work_);
+    for (std::size_t r = 0; r < means_.size(); ++r)
+      surface.displacement[at(organ.node_of_row[r])] = drawn_[r].head<3>();
+  }
+  surface.bounds.update(*surface.clusters, surface.positions);
+  Loads& own = surface.loads;
+  own.count = n, own.number = loads.number, own.u_known = loads.u_known;
+  std::copy_n(loads.rows.begin(), n, own.rows.begin());
+  std::copy_n(loads.forces.begin(), n, own.forces.begin());
+  std::copy_n(loads.u.begin(), n, own.u.begin());
+}
+
+}  // namespace palpate
