@@ -58,9 +58,7 @@ DeviceSample HandPath::at(double time) const noexcept {
   const double length = times_[after] - times_[after - 1], t = (time - times_[after - 1]) / length;
   sample.pose = {a.rotation.slerp(t, b.rotation), a.translation + t * (b.translation - a.translation)};
   sample.velocity = (b.translation - a.translation) / length;
-  Eigen::Quaterniond turn = b.rotation * a.rotation.conjugate();
-  if (turn.w() < 0) turn.coeffs() = -turn.coeffs();
-  const Eigen::AngleAxisd rotation(turn);
+  const Eigen::AngleAxisd rotation(b.rotation * a.rotation.conjugate());
   sample.angular_velocity = rotation.axis() * (rotation.angle() / length);
   return sample;
 }
