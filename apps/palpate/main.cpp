@@ -122,12 +122,23 @@ void add_precompute(CLI::App& app, PrecomputeOptions& o, const Console& console)
 
 void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
   CLI::App* c = command(app, "simulate", "Run a scene file and leave frames, forces and a summary.",
-                        "palpate simulate out/demo/scene.toml -o out/again");
+                        "palpate simulate out/demo/scene.toml -o out/again\n"
+                        "palpate simulate out/demo/scene.toml -o out/loop --loop --ticks 100000");
   c->add_option("scene", o.scene, "scene file (.toml, docs/scenes.md)")->required();
   c->add_option("-o,--output", o.output, "folder to write")->required();
   c->add_option("--steps", o.steps, "stop after so many steps (default: to the end of the motion)");
   c->add_option("--every", o.every, "steps between frames; 0: no frames")->capture_default_str();
   c->add_flag("!--no-pictures", o.pictures, "no contact sheet");
+  c->add_flag(
+      "--loop", o.loop,
+      "in real time: a force loop and the deforming surface, each in a thread; prints how long ticks take "
+      "and leaves that in summary.json");
+  c->add_option("--rate", o.rate, "with --loop: ticks a second, 1 to 4000; 0: as fast as they go")
+      ->capture_default_str();
+  c->add_option("--frame-rate", o.frame_rate, "with --loop: surfaces a second, 1 to 1000")
+      ->capture_default_str();
+  c->add_option("--ticks", o.ticks,
+                "with --loop: how many; the motion goes to and fro (default: as long as the motion)");
   c->callback([&] { run_simulate(o, console); });
 }
 

@@ -1,12 +1,60 @@
 #include <fmt/core.h>
 
+#include <atomic>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "palpate/base/timer.hpp"
+#include "palpate/io/atomic_file.hpp"
+#include "palpate/simulation/loop.hpp"
 #include "run.hpp"
 
 namespace palpate {
+
+namespace {
+
+// The scene's motion to and fro in real time.
+void run_in_loop(const Scene& scene, const SimulateOptions& options, const Console& console) {
+  LoopSettings settings;
+  settings.rate = options.rate, settings.frame_rate = options.frame_rate;
+  const double dt = options.rate > 0 ? 1 / options.rate : scene.dt;
+  const double begin = scene.motion.motion.times.front(), length = scene.motion.motion.times.back() - begin;
+  settings.ticks = options.ticks ? options.ticks : static_cast<std::uint64_t>(length / dt) + 1;
+  settings.idle_ticks = std::min<std::uint64_t>(settings.ticks, 10000);
+  std::error_code failure;
+  std::filesystem::create_directories(options.output, failure);
+  AtomicFile file(options.output / "summary.json");  // opened first: a wrong path is no news after the run
+  State state = make_state(scene.model);
+  LoopReport report;
+  {
+    const Progress progress = console.progress("loop");
+    std::atomic<std::uint64_t> done{0};
+    LoopHooks hooks;
+    hooks.input = [&](std::uint64_t k, const State&, Input& input) {
+      done.store(k, std::memory_order_relaxed);
+      const double t = length > 0 ? std::fmod(static_cast<double>(k) * dt, 2 * length) : 0;
+      set_input(scene.motion, begin + std::min(t, 2 * length - t), input);
+      return !(progress.interrupted && progress.interrupted->load(std::memory_order_relaxed));
+    };
+    hooks.frame = [&](const Surface&) {
+      if (progress.report)
+        progress.report(static_cast<double>(done.load(std::memory_order_relaxed)) /
+                        static_cast<double>(settings.ticks));
+    };
+    report = run_loop(scene.model, state, settings, hooks);
+    if (progress.report) progress.report(1);
+  }
+  console.line(loop_table(report) + "  left in " + options.output.string());
+  nlohmann::ordered_json summary{{"surface_nodes", scene.model.organ.surface_size()},
+                                 {"rate_hz", options.rate},
+                                 {"loop", nlohmann::ordered_json::parse(loop_json(report))}};
+  file.write(summary.dump(2) + "\n");
+  file.commit();
+  console.object(nlohmann::json(summary));
+}
+
+}  // namespace
 
 void run_simulate(const SimulateOptions& options, const Console& console) {
   const Timer timer = wall_timer();
@@ -17,6 +65,7 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
              fmt::format("{} surface nodes, {} instrument(s), {} steps of {}", model.organ.surface_size(),
                          model.instruments.size(), scene.steps, human_time(scene.dt)),
              timer.seconds(), model.organ.compliance.bytes());
+  if (options.loop) return run_in_loop(scene, options, console);
   RunOptions run;
   run.folder = options.output;
   run.every = options.every;

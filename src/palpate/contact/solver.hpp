@@ -31,7 +31,7 @@ struct ContactPoint {
 
 struct SolverLimits {
   double tolerance = 0;  // m, of the gaps
-  int max_relinearisations = 30;
+  int max_relinearisations = 100;
 };
 
 struct SolveResult {

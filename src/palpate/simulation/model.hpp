@@ -30,8 +30,8 @@ struct Settings {
   Mode mode = Mode::unilateral;
   double tolerance = 1e-6;  // of the gaps, relative to the organ's size (diagonal of its box)
   int max_contacts = 1000;  // beyond it: status too_many_contacts, the deepest are kept
-  int max_relinearisations =
-      30;  // of the gap function in a tick; beyond it: status not_converged, the next tick goes on
+  // Of the gap function in a tick; beyond it: status not_converged, the next tick goes on.
+  int max_relinearisations = 100;
   double gaussian_force = 1;      // N, total
   double gaussian_radius = 0.01;  // m, standard deviation of the bell
 };

@@ -146,17 +146,22 @@ void write_motion(const std::filesystem::path& path, const MotionFile& file,
 }
 
 Input input_at(const MotionFile& file, double time) {
+  Input input;
+  input.instruments.resize(file.motion.poses.front().size());
+  set_input(file, time, input);
+  return input;
+}
+
+void set_input(const MotionFile& file, double time, Input& input) noexcept {
   const std::vector<double>& times = file.motion.times;
   const auto after =
       static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
   const std::size_t a = after == 0 ? 0 : after - 1, b = std::min(after, times.size() - 1);
   const double t = a == b ? 0 : (time - times[a]) / (times[b] - times[a]);
-  Input input;
   input.time = time;
   input.organ = between(file.organ[a], file.organ[b], t);
-  for (std::size_t i = 0; i < file.motion.poses[a].size(); ++i)
-    input.instruments.push_back(between(file.motion.poses[a][i], file.motion.poses[b][i], t));
-  return input;
+  for (std::size_t i = 0; i < std::min(input.instruments.size(), file.motion.poses[a].size()); ++i)
+    input.instruments[i] = between(file.motion.poses[a][i], file.motion.poses[b][i], t);
 }
 
 }  // namespace palpate

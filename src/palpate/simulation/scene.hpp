@@ -26,6 +26,8 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
 void write_motion(const std::filesystem::path& path, const MotionFile& motion,
                   const std::vector<std::string>& instruments);
 Input input_at(const MotionFile& motion, double time);
+// The same without allocating, into an input that has its instruments.
+void set_input(const MotionFile& motion, double time, Input& input) noexcept;
 
 struct Scene {
   Model model;

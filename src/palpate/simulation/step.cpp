@@ -320,7 +320,7 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
 // Solves until no other node is swallowed by what the forces do.
 void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
-  const SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
+  SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
   SolveResult result;
   for (int round = 0; round < 10; ++round) {
     hold(model, state, For::points);
@@ -331,11 +331,13 @@ void solve(const Model& model, State& state, const Surface& surface) {
     else
       result.converged = true;
     state.relinearisations += result.relinearisations;
+    limits.max_relinearisations -= result.relinearisations;
     take_loads(model, state);
     if (!add_swallowed(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;
     }
+    if (limits.max_relinearisations <= 0) break;
   }
   state.status |= not_converged;
 }

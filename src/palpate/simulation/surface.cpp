@@ -16,6 +16,13 @@ double Loads::work() const noexcept {
   return sum;
 }
 
+void Loads::copy(const Loads& other) noexcept {
+  count = other.count, number = other.number, u_known = other.u_known;
+  std::copy_n(other.rows.begin(), count, rows.begin());
+  std::copy_n(other.forces.begin(), count, forces.begin());
+  std::copy_n(other.u.begin(), count, u.begin());
+}
+
 Surface make_surface(const Organ& organ) {
   const std::size_t s = organ.surface_size();
   std::vector<float> softness(s, 0.0f);
@@ -69,11 +76,7 @@ void Deformer::operator()(const Organ& organ, const Loads& loads, Surface& surfa
       surface.displacement[at(organ.node_of_row[r])] = drawn_[r].head<3>();
   }
   surface.bounds.update(*surface.clusters, surface.positions);
-  Loads& own = surface.loads;
-  own.count = n, own.number = loads.number, own.u_known = loads.u_known;
-  std::copy_n(loads.rows.begin(), n, own.rows.begin());
-  std::copy_n(loads.forces.begin(), n, own.forces.begin());
-  std::copy_n(loads.u.begin(), n, own.u.begin());
+  surface.loads.copy(loads);
 }
 
 }  // namespace palpate

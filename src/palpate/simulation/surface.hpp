@@ -23,6 +23,8 @@ struct Loads {
   Loads() = default;
   explicit Loads(std::size_t capacity) : rows(capacity, -1), forces(capacity), u(capacity) {}
   double work() const noexcept;  // of the forces on u, J
+  // Takes over another's, of the same capacity.
+  void copy(const Loads& other) noexcept;
 };
 
 // The surface under some loads, organ frame.

@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "fixtures.hpp"
+#include "palpate/simulation/loop.hpp"
 #include "support/count_allocations.hpp"
 
 namespace palpate {
@@ -46,6 +47,36 @@ TEST(Step, AllocatesNothing) {
         EXPECT_EQ(allocated, 0u) << name(mode) << ' ' << storage_name(storage);
         EXPECT_GT(most, 3u) << name(mode) << ' ' << storage_name(storage);
       }
+  }
+}
+
+// The force loop's thread: from its first tick on, and its surface's thread likewise.
+TEST(Loop, AllocatesNothing) {
+  if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";
+  for (const int order : {1, 2}) {
+    const Model model = block_model(8, Sphere{0.03}, Mode::unilateral, order);
+    State state = make_state(model);
+    std::size_t at_first = 0, at_last = 0, most = 0, frame_first = 0, frame_last = 0;
+    LoopSettings settings;
+    settings.frame_rate = 500;
+    LoopHooks hooks;
+    hooks.input = [&](std::uint64_t k, const State& s, Input& input) {
+      (k == 0 ? at_first : at_last) = thread_allocations;
+      most = std::max(most, s.contacts.size());
+      const double t = static_cast<double>(k) / 300;
+      input.instruments[0].translation = k == 150
+                                             ? Vec3(0, 0, std::nan(""))
+                                             : Vec3(0.04 * t - 0.02, 0, 0.141 - 0.012 * std::min(1.0, 5 * t));
+      return k < 300;
+    };
+    hooks.frame = [&](const Surface&) {
+      if (frame_first == 0) frame_first = thread_allocations;
+      frame_last = thread_allocations;
+    };
+    run_loop(model, state, settings, hooks);
+    EXPECT_EQ(at_last, at_first) << order;
+    EXPECT_EQ(frame_last, frame_first) << order;
+    EXPECT_GT(most, 1u);
   }
 }
 

@@ -82,8 +82,8 @@ TEST(Organ, AStoneAMillionTimesStifferThanTheKidney) {
   for (const std::string& region : mesh.region_names)
     materials.push_back(region == "stone" ? Material{1e10, 0.3} : Material{1e4, 0.45});
   for (const int order : {1, 2}) {
-    const Organ organ =
-        bake(mesh, materials, {AnchorHalfSpace{{0, 0, -0.016}, {0, 0, 1}}}, 0, {}, nullptr, {.order = order, .pinch = false});
+    const Organ organ = bake(mesh, materials, {AnchorHalfSpace{{0, 0, -0.016}, {0, 0, 1}}}, 0, {}, nullptr,
+                             {.order = order, .pinch = false});
     EXPECT_EQ(organ.mesh.region_names.size(), 2u);
     EXPECT_LT(error_of(organ), 1e-6);
   }

@@ -23,9 +23,10 @@ void expect_drawn_as_read(const Model& model, const State& state) {
   for (const Triangle& t : organ.surface.triangles)
     for (const Index i : t)
       for (const Index j : t)
-        mean[static_cast<std::size_t>(i)] += area_vector(organ.surface, t).norm() / (i == j ? 6 : 12) /
-                                             organ.areas[static_cast<std::size_t>(i)] *
-                                             state.surface.displacement[static_cast<std::size_t>(j)].cast<double>();
+        mean[static_cast<std::size_t>(i)] +=
+            area_vector(organ.surface, t).norm() / (i == j ? 6 : 12) /
+            organ.areas[static_cast<std::size_t>(i)] *
+            state.surface.displacement[static_cast<std::size_t>(j)].cast<double>();
   for (const Index i : organ.node_of_row) {
     const auto n = static_cast<std::size_t>(i);
     largest = std::max<double>(largest, state.surface.reading[n].norm());
@@ -73,9 +74,10 @@ void expect_signorini(const Model& model, const State& state, const Input& input
   model.organ.compliance.apply(rows, forces, u);  // the displacement is the one these forces cause
   for (std::size_t r = 0; r < model.organ.compliance.nodes(); ++r)
     for (std::size_t a = 0; a < 3; ++a)
-      ASSERT_NEAR(u[3 * r + a],
-                  state.surface.reading[static_cast<std::size_t>(model.organ.node_of_row[r])][static_cast<int>(a)],
-                  tolerance);
+      ASSERT_NEAR(
+          u[3 * r + a],
+          state.surface.reading[static_cast<std::size_t>(model.organ.node_of_row[r])][static_cast<int>(a)],
+          tolerance);
   expect_drawn_as_read(model, state);
 }
 
@@ -117,7 +119,8 @@ TEST(Step, UnilateralLawHoldsWhilePressingSlidingAndLeaving) {
       EXPECT_GT(peak, 0.5);
       step(model, state, at(Vec3(0, 0, 0.5)));
       EXPECT_TRUE(state.contacts.empty());
-      for (const Vec3f& u : state.surface.displacement) EXPECT_EQ(u, Vec3f::Zero());  // elastic: nothing stays
+      for (const Vec3f& u : state.surface.displacement)
+        EXPECT_EQ(u, Vec3f::Zero());  // elastic: nothing stays
     }
   }
 }

@@ -1,0 +1,108 @@
+// The force loop: what a tick costs its thread while another deforms the whole surface.
+#include <fmt/core.h>
+
+#include <cmath>
+
+#include "bench.hpp"
+#include "palpate/base/error.hpp"
+#include "palpate/base/timer.hpp"
+#include "palpate/simulation/loop.hpp"
+#include "scenes.hpp"
+
+namespace palpate {
+
+namespace {
+
+// How deep the instrument must be to touch so many nodes; the state is then there.
+double depth_of(const scenes::Press& press, State& state, std::size_t contacts) {
+  for (double depth = 0; depth < 0.02;) {
+    depth += 0.1e-3;
+    step(press.model, state, {0, {}, {press.at(depth)}});
+    if (state.contacts.size() >= contacts) return depth;
+  }
+  throw Error(ErrorKind::internal, "only {} contacts at 20 mm depth", state.contacts.size());
+}
+
+// To and fro along the organ, 0.1 m/s at most, at 1 kHz.
+LoopReport slide(const scenes::Press& press, std::size_t contacts, std::uint64_t ticks, double frame_rate,
+                 double& depth) {
+  State state = make_state(press.model);
+  depth = depth_of(press, state, contacts + contacts / 10);
+  LoopSettings settings;
+  settings.ticks = ticks, settings.frame_rate = frame_rate,
+  settings.idle_ticks = std::min<std::uint64_t>(ticks, 10000);
+  LoopHooks hooks;
+  hooks.input = [&](std::uint64_t k, const State&, Input& input) {
+    input.instruments[0] = press.at(depth, 2e-3 * std::sin(0.05 * static_cast<double>(k)));
+    return true;
+  };
+  return run_loop(press.model, state, settings, hooks);
+}
+
+std::vector<Value> percentiles(int nodes, std::size_t contacts, std::uint64_t ticks, const Value& peer) {
+  const scenes::Press press = scenes::press_ball(scenes::bake_kidney(nodes));
+  double depth = 0;
+  const LoopReport r = slide(press, contacts, ticks, 60, depth);
+  std::vector<Value> out;
+  for (const double p : {0.5, 0.99, 0.999})
+    out.push_back({1e3 * r.ticks.cpu.percentile(p), peer.peer, peer.peer_value,
+                   fmt::format("{} ticks, {:.0f} contacts (frictionless), due to done {:.3g} ms, empty loop "
+                               "{:.3g} ms, {} missed ({})",
+                               r.ticks.cpu.count(), r.contacts_mean, 1e3 * r.ticks.wall.percentile(p),
+                               1e3 * r.idle.wall.percentile(p), r.ticks.missed, r.idle.missed)});
+  return out;
+}
+
+std::vector<Value> frames(int nodes, std::size_t contacts) {
+  const scenes::Press press = scenes::press_ball(scenes::bake_kidney(nodes));
+  double depth = 0;
+  const LoopReport r = slide(press, contacts, 10000, 240, depth);
+  return {{static_cast<double>(r.frames) / r.seconds, "", no_peer,
+           fmt::format("{:.0f} contacts, a surface in {:.3g} ms, beside 1,000 ticks a second of {:.3g} ms",
+                       r.contacts_mean, 1e3 * r.surface.percentile(0.5), 1e3 * r.ticks.cpu.percentile(0.5))}};
+}
+
+// The instrument inside the organ's box, 5 mm over the surface: nothing touches.
+std::vector<Value> clear(int nodes, Storage storage) {
+  scenes::Kidney kidney = scenes::pad_kidney(nodes);
+  Organ organ = bake(std::move(kidney.mesh), std::move(kidney.materials), std::move(kidney.anchors), 0, {},
+                     nullptr, {1, storage, 1e-3, 0, {}, {}, false});
+  const Box box = bounding_box(organ.surface.vertices);
+  Model model;
+  model.organ = std::move(organ);
+  const Shape ball = Sphere{0.01};
+  model.instruments.push_back({"ball", ball, surface_of_primitive(ball)});
+  State state = make_state(model);
+  const auto tick_at = [&](double k) {
+    // Over a corner of the box, where a kidney is not.
+    tick(model, state,
+         {0,
+          {},
+          {Pose{Eigen::Quaterniond::Identity(), box.max - Vec3(1e-3, 1e-3, 1e-3) * (1 + 0.1 * std::sin(k))}}},
+         state.surface);
+  };
+  for (int k = 0; k < 100; ++k) tick_at(k);
+  if (!state.contacts.empty()) throw Error(ErrorKind::internal, "it touches");
+  const Timer timer = thread_timer();
+  for (int k = 0; k < 1000; ++k) tick_at(k);
+  return {{1e3 * timer.seconds(), "", no_peer, fmt::format("{} surface nodes", model.organ.surface_size())}};
+}
+
+}  // namespace
+
+void register_loop(Bench& bench) {
+  const auto rows = [](const std::string& name) {
+    return std::vector<Row>{{name + ".p50", "ms"}, {name + ".p99", "ms"}, {name + ".p99.9", "ms"}};
+  };
+  const Value sofa{0, "SOFA precomputed, 2,744 nodes, 142 contacts, recorded", 48};
+  bench.add(rows("loop.3000.100"), [=] { return percentiles(3000, 100, 100'000, sofa); });
+  bench.add(rows("loop.10000.300"), [] { return percentiles(10000, 300, 100'000, {}); });
+  bench.add(
+      rows("loop.3000.100.million"), [=] { return percentiles(3000, 100, 1'000'000, sofa); }, true);
+  bench.add({{"loop.frames.10000.100", "1/s", true}}, [] { return frames(10000, 100); });
+  bench.add({{"loop.clear.10000", "us"}}, [] { return clear(10000, Storage::hierarchical); });
+  bench.add(
+      {{"loop.clear.100000", "us"}}, [] { return clear(100000, Storage::hierarchical); }, true);
+}
+
+}  // namespace palpate

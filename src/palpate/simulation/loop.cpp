@@ -1,0 +1,196 @@
+#include "palpate/simulation/loop.hpp"
+
+#include <fmt/core.h>
+#include <pthread.h>
+#include <sched.h>
+
+#include <atomic>
+#include <cerrno>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "palpate/base/error.hpp"
+#include "palpate/base/timer.hpp"
+#include "palpate/base/triple_buffer.hpp"
+
+namespace palpate {
+
+namespace {
+
+double now() noexcept {
+  timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+void sleep_until(double time) noexcept {
+  timespec t;
+  t.tv_sec = static_cast<time_t>(time);
+  t.tv_nsec = static_cast<long>((time - static_cast<double>(t.tv_sec)) * 1e9);
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
+  }
+}
+
+// When ticks are due. A loop that has fallen behind by more than `most_behind` ticks starts its count anew.
+class Pace {
+ public:
+  explicit Pace(double rate) noexcept : period_(rate > 0 ? 1 / rate : 0), due_(now()) {}
+  // Waits for the next tick to be due.
+  void wait() noexcept {
+    if (period_ == 0) {
+      due_ = now();
+      return;
+    }
+    due_ += period_;
+    const double late = now() - due_;
+    if (late > most_behind * period_)
+      due_ += late;
+    else if (late < 0)
+      sleep_until(due_);
+  }
+  void done(LoopTimes& times, double cpu) const noexcept {
+    const double wall = now() - due_;
+    times.wall.add(wall);
+    times.cpu.add(cpu);
+    if (period_ > 0 && wall > period_) ++times.missed;
+  }
+
+ private:
+  static constexpr double most_behind = 100;
+  double period_, due_;  // s
+};
+
+bool go_first() noexcept {
+  sched_param p{};
+  p.sched_priority = 1;
+  return pthread_setschedparam(pthread_self(), SCHED_FIFO, &p) == 0;
+}
+
+struct Shared {
+  Shared(const Surface& rest) : loads(rest.loads), surfaces(rest) {}
+  TripleBuffer<Loads> loads;       // force loop to deformation
+  TripleBuffer<Surface> surfaces;  // and back
+  std::atomic<bool> over{false};
+};
+
+void deform_until_over(const Model& model, const LoopSettings& settings, const LoopHooks& hooks,
+                       Shared& shared, Deformer& deformer, LoopReport& report) {
+  double due = now();
+  while (!shared.over.load(std::memory_order_relaxed)) {
+    due = std::max(due + 1 / settings.frame_rate, now());
+    sleep_until(due);
+    if (!shared.loads.fetch()) continue;
+    const double begun = now();
+    deformer(model.organ, shared.loads.front(), shared.surfaces.back());
+    if (hooks.frame) hooks.frame(shared.surfaces.back());
+    shared.surfaces.publish();
+    report.surface.add(now() - begun);
+    ++report.frames;
+  }
+}
+
+void tick_until_over(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks,
+                     Shared& shared, Input& input, LoopReport& report) noexcept {
+  report.first_in = go_first();
+  if (settings.idle_ticks > 0) {
+    Pace pace(settings.rate);
+    for (std::uint64_t k = 0; k < settings.idle_ticks; ++k) {
+      pace.wait();
+      const Timer cpu = thread_timer();
+      pace.done(report.idle, cpu.seconds());
+    }
+  }
+  const Timer wall = wall_timer();
+  Pace pace(settings.rate);
+  double in_contact = 0;
+  for (std::uint64_t k = 0; settings.ticks == 0 || k < settings.ticks; ++k) {
+    pace.wait();
+    const Timer cpu = thread_timer();
+    if (!hooks.input(k, state, input)) break;
+    shared.surfaces.fetch();
+    tick(model, state, input, shared.surfaces.front());
+    shared.loads.back().copy(state.loads);
+    shared.loads.publish();
+    if (hooks.output) hooks.output(k, input, state);
+    pace.done(report.ticks, cpu.seconds());
+    if (state.status & not_converged) ++report.not_converged;
+    report.contacts_max = std::max<std::uint64_t>(report.contacts_max, state.contacts.size());
+    if (!state.contacts.empty())
+      report.contacts_mean += static_cast<double>(state.contacts.size()), ++in_contact;
+  }
+  report.seconds = wall.seconds();
+  if (in_contact > 0) report.contacts_mean /= in_contact;
+  shared.over = true;
+}
+
+}  // namespace
+
+LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks) {
+  if (!(settings.rate == 0 || (settings.rate >= 1 && settings.rate <= 4000)))
+    throw Error(ErrorKind::usage, "a loop of {} ticks a second; use 1 to 4000, or 0 for as fast as they go",
+                settings.rate);
+  if (!(settings.frame_rate >= 1 && settings.frame_rate <= 1000))
+    throw Error(ErrorKind::usage, "{} surfaces a second; use 1 to 1000", settings.frame_rate);
+  if (model.settings.mode == Mode::imprint)
+    throw Error(ErrorKind::usage, "mode imprint changes the surface itself, which in a loop lags behind");
+  Shared shared(state.surface);
+  Deformer deformer(model.organ);
+  Input input;
+  input.instruments.resize(model.instruments.size());
+  LoopReport report;
+  {
+    std::jthread deformation([&] { deform_until_over(model, settings, hooks, shared, deformer, report); });
+    std::jthread force([&] { tick_until_over(model, state, settings, hooks, shared, input, report); });
+  }
+  deformer(model.organ, state.loads, state.surface);
+  return report;
+}
+
+std::string loop_table(const LoopReport& r) {
+  const auto row = [](const char* label, const Histogram& h, const std::string& more) {
+    return fmt::format("  {:<28} {:8.3f} {:8.3f} {:8.3f} {:8.3f} ms{}\n", label, 1e3 * h.percentile(0.5),
+                       1e3 * h.percentile(0.99), 1e3 * h.percentile(0.999), 1e3 * h.worst(), more);
+  };
+  std::string out = fmt::format("  {:<28} {:>8} {:>8} {:>8} {:>8}\n", "", "p50", "p99", "p99.9", "worst");
+  out += row("tick, CPU time", r.ticks.cpu, "");
+  out += row("tick, due to done", r.ticks.wall,
+             fmt::format("   {} of {} after the next was due", r.ticks.missed, r.ticks.wall.count()));
+  if (r.idle.wall.count() > 0)
+    out += row("empty tick, due to done", r.idle.wall,
+               fmt::format("   {} of {}: the machine's own", r.idle.missed, r.idle.wall.count()));
+  if (r.frames > 0)
+    out += row("surface", r.surface,
+               fmt::format("   {:.0f} a second", static_cast<double>(r.frames) / r.seconds));
+  out += fmt::format("  {:<28} {:.0f} / {}\n", "contacts, mean / most", r.contacts_mean, r.contacts_max);
+  out += fmt::format("  {:<28} {} of {}\n", "ticks not converged", r.not_converged, r.ticks.wall.count());
+  out += fmt::format("  {:<28} {}\n", "precedence of the force loop",
+                     r.first_in ? "SCHED_FIFO" : "none (not permitted)");
+  return out;
+}
+
+std::string loop_json(const LoopReport& r) {
+  const auto times = [](const Histogram& h) {
+    return nlohmann::ordered_json{{"p50_ms", 1e3 * h.percentile(0.5)},
+                                  {"p99_ms", 1e3 * h.percentile(0.99)},
+                                  {"p99.9_ms", 1e3 * h.percentile(0.999)},
+                                  {"worst_ms", 1e3 * h.worst()},
+                                  {"mean_ms", 1e3 * h.mean()},
+                                  {"count", h.count()}};
+  };
+  return nlohmann::ordered_json{{"tick_cpu", times(r.ticks.cpu)},
+                                {"tick_wall", times(r.ticks.wall)},
+                                {"missed", r.ticks.missed},
+                                {"empty_tick_cpu", times(r.idle.cpu)},
+                                {"empty_tick_wall", times(r.idle.wall)},
+                                {"empty_missed", r.idle.missed},
+                                {"surface", times(r.surface)},
+                                {"frames", r.frames},
+                                {"seconds", r.seconds},
+                                {"contacts_mean", r.contacts_mean},
+                                {"contacts_max", r.contacts_max},
+                                {"not_converged", r.not_converged},
+                                {"sched_fifo", r.first_in}}
+      .dump(2);
+}
+
+}  // namespace palpate

@@ -1,0 +1,65 @@
+// The force loop: ticks at a set rate in a thread of their own, the whole surface in another, at its own
+// rate.
+//
+//                 loads (newest)                      surface (newest)
+//   force loop ---------------------> deformation ---------------------> force loop, for its next detection
+//    tick k                            u = C f
+//                                         |
+//                                         +---> frame(): a viewer, a recorder
+//
+// Both arrows are triple buffers (base/triple_buffer.hpp): one atomic exchange hands over, nobody waits,
+// values in between are lost. A tick reads the newest surface there is, of whatever earlier tick; its forces
+// do not depend on which (step.cpp), so a loop gives the same bits as the same inputs step by step. Between
+// its first and its last tick the force loop allocates nothing, takes no lock and throws nothing. What a tick
+// may cost is bounded by Settings in contacts and iterations, never by a clock: a tick that is late is late,
+// and counted.
+#pragma once
+
+#include <functional>
+
+#include "palpate/base/histogram.hpp"
+#include "palpate/simulation/model.hpp"
+
+namespace palpate {
+
+struct LoopSettings {
+  double rate = 1000;       // ticks a second: 1 to 4,000; 0: as fast as they go
+  double frame_rate = 60;   // surfaces a second at most
+  std::uint64_t ticks = 0;  // 0: until input() says so
+  std::uint64_t idle_ticks =
+      0;  // before: the same loop with nothing in it, to see what the machine does by itself
+};
+
+// Called from the loop's threads; must not throw. input and output may not wait, allocate or lock either.
+struct LoopHooks {
+  // Force thread: what tick number k begins with; `state` is the tick's before. False: stop, before tick k.
+  std::function<bool(std::uint64_t k, const State& state, Input& input)> input;
+  // Force thread: what came out. May be empty.
+  std::function<void(std::uint64_t k, const Input& input, const State& state)> output;
+  // Deformation thread: a new surface, valid during the call. May be empty.
+  std::function<void(const Surface& surface)> frame;
+};
+
+struct LoopTimes {
+  Histogram wall;            // s, from when the tick was due to its end: what a device sees
+  Histogram cpu;             // s, CPU time of its thread
+  std::uint64_t missed = 0;  // ticks that ended after the next was due
+};
+struct LoopReport {
+  LoopTimes ticks, idle;
+  std::uint64_t frames = 0, not_converged = 0, contacts_max = 0;
+  double contacts_mean = 0;
+  double seconds = 0;     // wall, of the ticks
+  Histogram surface;      // s, wall, of making one and of the frame() that takes it
+  bool first_in = false;  // the system granted the force thread precedence (SCHED_FIFO)
+};
+
+// Blocks until the loop ends. state: from make_state, and left as after the last tick (its surface, too).
+// Throws Error(usage) for a rate out of range or Mode::imprint, whose surface cannot lag behind.
+LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks);
+
+// "p50 0.112  p99 0.203 ..." as lines, in ms; and as an object for summaries.
+std::string loop_table(const LoopReport& report);
+std::string loop_json(const LoopReport& report);
+
+}  // namespace palpate

@@ -1,0 +1,97 @@
+#include "palpate/simulation/loop.hpp"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "fixtures.hpp"
+#include "palpate/base/error.hpp"
+
+namespace palpate {
+namespace {
+
+void press(std::uint64_t k, Input& input) {
+  const double t = static_cast<double>(k) / 400, depth = 0.01 * std::min({1.0, 5 * t, 5 * (1 - t)}) - 0.001;
+  input.instruments[0].translation = Vec3(-0.02 + 0.04 * t, 0.003, 0.1 + 0.02 - depth);
+}
+
+TEST(Loop, SameBitsAsStepByStep) {
+  const Model model = block_model(10, Sphere{0.02});
+  State expected = make_state(model);
+  std::vector<Vec3> forces;
+  Input input = at(Vec3::Zero());
+  for (std::uint64_t k = 0; k <= 400; ++k)
+    press(k, input), step(model, expected, input), forces.push_back(expected.wrenches[0].force);
+
+  State state = make_state(model);
+  std::size_t frames = 0, differing = 0;
+  LoopSettings settings;
+  settings.frame_rate = 200;
+  LoopHooks hooks;
+  hooks.input = [&](std::uint64_t k, const State&, Input& in) {
+    press(k, in);
+    return k <= 400;
+  };
+  hooks.output = [&](std::uint64_t k, const Input&, const State& s) {
+    differing += s.wrenches[0].force != forces[k];
+  };
+  hooks.frame = [&](const Surface& s) { frames += s.displacement.size() == model.organ.surface_size(); };
+  const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_EQ(differing, 0u);
+  EXPECT_EQ(report.ticks.wall.count(), 401u);
+  EXPECT_GE(report.seconds, 0.39);  // it kept to its rate
+  EXPECT_GT(frames, 10u);
+  EXPECT_EQ(frames, report.frames);
+  EXPECT_LE(report.frames, 200 * report.seconds + 2);
+  EXPECT_GT(report.contacts_max, 5u);
+  EXPECT_EQ(state.surface.displacement, expected.surface.displacement);
+  EXPECT_NE(loop_table(report).find("p99.9"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(loop_json(report))["tick_cpu"]["count"], 401);
+}
+
+TEST(Loop, AsFastAsItGoesUntilTheTicksAreDone) {
+  const Model model = block_model(5, Sphere{0.02});
+  State state = make_state(model);
+  LoopSettings settings;
+  settings.rate = 0, settings.ticks = 2000, settings.idle_ticks = 100;
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t, const State&, Input& in) { return press(200, in), true; };
+  const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_EQ(report.ticks.wall.count(), 2000u);
+  EXPECT_EQ(report.idle.wall.count(), 100u);
+  EXPECT_EQ(report.ticks.missed, 0u);
+}
+
+TEST(Loop, LateTicksAreCountedAndTheLoopGoesOn) {
+  const Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopSettings settings;
+  settings.ticks = 100;
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t k, const State&, Input& in) {
+    if (k == 50) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return press(0, in), true;
+  };
+  const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_GE(report.ticks.missed, 15u);  // it catches up, tick by tick
+  EXPECT_GE(report.ticks.wall.worst(), 0.019);
+  EXPECT_EQ(report.ticks.wall.count(), 100u);
+}
+
+TEST(Loop, RefusesWhatItCannotDo) {
+  Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t, const State&, Input&) { return false; };
+  for (const double rate : {-1.0, 0.5, 4001.0, std::nan("")}) {
+    LoopSettings settings;
+    settings.rate = rate;
+    EXPECT_THROW(run_loop(model, state, settings, hooks), Error) << rate;
+  }
+  model.settings.mode = Mode::imprint;
+  EXPECT_THROW(run_loop(model, state, {}, hooks), Error);
+}
+
+}  // namespace
+}  // namespace palpate
