@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "palpate/contact/dense_cholesky.hpp"
+
 namespace palpate {
 
 ContactBlock::ContactBlock(std::size_t capacity, std::size_t rows)
@@ -9,20 +11,23 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t rows)
       values_(9 * capacity * capacity),
       slot_of_row_(rows, -1),
       row_of_slot_(capacity, -1),
-      wanted_(capacity, 0) {}
+      wanted_(capacity, 0) {
+  std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
+}
 
 Vec3 ContactBlock::displacement(Index slot, std::span<const Index> loaded,
                                 std::span<const Vec3> forces) const noexcept {
-  const float* row = at(slot, 0);
   Vec3 u = Vec3::Zero();
-  for (std::size_t k = 0; k < loaded.size(); ++k) {
-    const float* c = row + 3 * loaded[k];
-    const Vec3& f = forces[k];
-    for (int r = 0; r < 3; ++r, c += ld())
-      u[r] += static_cast<double>(c[0]) * f[0] + static_cast<double>(c[1]) * f[1] +
-              static_cast<double>(c[2]) * f[2];
-  }
+  for (std::size_t k = 0; k < loaded.size(); ++k)
+    add_rows(at(loaded[k], slot), 3, ld(), forces[k].data(), u.data());
   return u;
+}
+
+void ContactBlock::displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
+                                 std::span<double> u) const noexcept {
+  std::fill_n(u.begin(), 3 * used_, 0.0);
+  for (std::size_t k = 0; k < loaded.size(); ++k)
+    add_rows(at(loaded[k], 0), 3 * used_, ld(), forces[k].data(), u.data());
 }
 
 // Keeps the wanted slots only: each is moved, whole rows and columns, into the first free place.

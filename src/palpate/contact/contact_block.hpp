@@ -25,6 +25,9 @@ class ContactBlock {
   }
   // Of a slot's node under forces on others, m: their order decides the bits, not that of the slots.
   Vec3 displacement(Index slot, std::span<const Index> loaded, std::span<const Vec3> forces) const noexcept;
+  // The same of all slots at once: 3 used() numbers.
+  void displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
+                     std::span<double> u) const noexcept;
   // Slot of a compliance row, -1: not cached.
   Index slot_of(Index row) const noexcept { return slot_of_row_[static_cast<std::size_t>(row)]; }
   std::size_t capacity() const noexcept { return capacity_; }

@@ -61,4 +61,12 @@ PALPATE_CLONES void cholesky_solve(const double* u, std::size_t n, std::size_t l
   }
 }
 
+PALPATE_CLONES void add_rows(const float* a, std::size_t cols, std::size_t ld, const double* w,
+                             double* out) noexcept {
+  const float *x = a, *y = a + ld, *z = a + 2 * ld;
+  for (std::size_t i = 0; i < cols; ++i)
+    out[i] += (static_cast<double>(x[i]) * w[0] + static_cast<double>(y[i]) * w[1]) +
+              static_cast<double>(z[i]) * w[2];
+}
+
 }  // namespace palpate

@@ -13,13 +13,14 @@ namespace {
 constexpr int downhill = 2;
 }  // namespace
 
-ContactSolver::ContactSolver(std::size_t capacity)
+ContactSolver::ContactSolver(std::size_t capacity, std::size_t slots)
     : capacity_(capacity),
       system_(9 * capacity * capacity),
       factor_(capacity * capacity),
       rhs_(3 * capacity),
       pressure_(capacity),
-      along_(capacity),
+      along_(3 * slots),
+      reached_(capacity),
       index_(3 * capacity),
       active_(capacity),
       loaded_(capacity),
@@ -39,18 +40,16 @@ ContactSolver::ContactSolver(std::size_t capacity)
 
 // A = N^T C N, the compliance along the normals, m/N; b = gap - n.u, what the gap would be without forces.
 void ContactSolver::linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
-  const std::size_t m = points.size();
+  const std::size_t m = points.size(), cols = 3 * block.used();
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& a = points[i];
+    std::fill_n(along_.begin(), cols, 0.0);
+    add_rows(block.at(a.slot, 0), cols, block.ld(), a.normal.data(), along_.data());
     double* row = system_.data() + i * m;
     for (std::size_t j = i; j < m; ++j) {
-      const float* c = block.at(a.slot, points[j].slot);
+      const double* c = along_.data() + 3 * points[j].slot;
       const Vec3& n = points[j].normal;
-      double sum = 0;
-      for (int r = 0; r < 3; ++r, c += block.ld())
-        sum += a.normal[r] * (static_cast<double>(c[0]) * n[0] + static_cast<double>(c[1]) * n[1] +
-                              static_cast<double>(c[2]) * n[2]);
-      row[j] = system_[j * m + i] = sum;
+      row[j] = system_[j * m + i] = c[0] * n[0] + c[1] * n[1] + c[2] * n[2];
     }
     row[i] *= 1 + 1e-9;  // a node held from two sides would make the system singular
     rhs_[i] = a.gap / a.slope - a.normal.dot(a.u);
@@ -62,8 +61,8 @@ void ContactSolver::displace(const ContactBlock& block, std::span<const ContactP
   std::size_t n = 0;
   for (std::size_t i = 0; i < points.size(); ++i)
     if (force_[i] != Vec3::Zero()) loaded_[n] = points[i].slot, load_[n++] = force_[i];
-  for (std::size_t i = 0; i < points.size(); ++i)
-    u_[i] = block.displacement(points[i].slot, {loaded_.data(), n}, {load_.data(), n});
+  block.displacements({loaded_.data(), n}, {load_.data(), n}, along_);
+  for (std::size_t i = 0; i < points.size(); ++i) u_[i] = Vec3::Map(along_.data() + 3 * points[i].slot);
 }
 
 // The forces for the gaps and normals at the points' u, what they do (u_, force_, pressure_), and how far
@@ -83,6 +82,7 @@ ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<
     s.turned += pressure_[i] * (g.normal - points[i].normal).norm();
     s.total += pressure_[i];
     s.largest = std::max(s.largest, pressure_[i]);
+    reached_[i] = g.distance;
   }
   return s;
 }
@@ -208,7 +208,7 @@ SolveResult ContactSolver::unilateral(const ContactBlock& block, std::span<const
   }
   for (std::size_t i = 0; i < m; ++i) {
     points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
-    points[i].gap = shapes[static_cast<std::size_t>(points[i].instrument)].distance(points[i].rest + u_[i]);
+    points[i].gap = reached_[i];
   }
   return result;
 }

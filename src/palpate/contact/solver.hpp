@@ -43,7 +43,8 @@ struct SolveResult {
 // Work space for a number of contact points, allocated once.
 class ContactSolver {
  public:
-  explicit ContactSolver(std::size_t capacity);
+  // capacity: of points; slots: of the blocks it will be given.
+  ContactSolver(std::size_t capacity, std::size_t slots);
   std::size_t capacity() const noexcept { return capacity_; }
 
   // gap >= 0, pressure >= 0, gap * pressure = 0 at every point; forces along the shape's normal (no
@@ -86,7 +87,8 @@ class ContactSolver {
   HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 capacity)^2
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
-  std::vector<double> along_;           // capacity
+  std::vector<double> along_;           // 3 slots
+  std::vector<double> reached_;         // gap of each point at u_, m
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;
   std::vector<Index> loaded_;    // slots of the points with a force

@@ -87,7 +87,7 @@ struct State {
   Loads loads;                    // of this tick: the contacts' forces as the compliance takes them
   std::vector<Contact> contacts;  // of this tick: the nodes with a force
   std::vector<Wrench> wrenches;   // one an instrument
-  double deepest_before = 0;      // m, largest penetration of a node at rest, >= 0
+  double deepest_before = 0;         // m, largest penetration at rest of a node with a force, >= 0
   double deepest_after = 0;       // m, largest penetration left
   int relinearisations = 0;
   std::uint32_t status = status_ok;

@@ -34,7 +34,7 @@ struct StepScratch {
   StepScratch(const Model& model, std::size_t most)
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most + spare_slots, compliance.nodes()), compliance.nodes()),
-        solver(most),
+        solver(most, block.capacity()),
         deformer(model.organ),
         capacity(most),
         compliance_rows(9 * most) {}
@@ -414,14 +414,14 @@ void report(State& state, const Input& input) {
   for (Wrench& wrench : state.wrenches) wrench = {};
   for (const ContactPoint& p : w.points) {
     const PlacedShape& shape = w.shapes[at(p.instrument)];
-    const double before = shape.distance(p.rest);
-    state.deepest_before = std::max(state.deepest_before, -before);
     if (p.force == Vec3::Zero()) continue;
     Contact c;
-    c.node = p.node, c.instrument = p.instrument, c.gap_before = before;
-    c.gap_after = shape.distance(p.rest + p.u);
+    c.node = p.node, c.instrument = p.instrument;
+    c.gap_before = shape.distance(p.rest);
+    c.gap_after = p.gap;
     c.force_in_organ = p.force, c.force = state.organ.rotation * p.force;
     state.contacts.push_back(c);
+    state.deepest_before = std::max(state.deepest_before, -c.gap_before);
     Wrench& wrench = state.wrenches[at(p.instrument)];
     const Vec3 arm = state.organ * Vec3(p.rest + p.u) - input.instruments[at(p.instrument)].translation;
     wrench.force -= c.force;
