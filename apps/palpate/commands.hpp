@@ -52,12 +52,13 @@ void run_precompute(const PrecomputeOptions& options, const Console& console);
 
 struct SimulateOptions {
   std::filesystem::path scene, output;
-  bool loop = false;        // in real time instead of step by step
-  double rate = 1000;       // of the loop, ticks a second
-  double frame_rate = 60;   // of its surfaces, a second
-  std::uint64_t ticks = 0;  // 0: as long as the motion
-  std::size_t steps = 0;    // 0: as the scene says
-  std::size_t every = 25;   // steps between frames
+  bool loop = false;                     // in real time instead of step by step
+  double rate = 1000;                    // of the loop, ticks a second
+  double frame_rate = 60;                // of its surfaces, a second
+  std::uint64_t ticks = 0;               // 0: as long as the motion
+  std::filesystem::path record, replay;  // recordings to write, to run and compare
+  std::size_t steps = 0;                 // 0: as the scene says
+  std::size_t every = 25;                // steps between frames
   bool pictures = true;
 };
 void run_simulate(const SimulateOptions& options, const Console& console);

@@ -9,7 +9,7 @@
 #include "palpate/io/container.hpp"
 #include "palpate/lattice/band_lattice.hpp"
 #include "palpate/lattice/lattice_file.hpp"
-#include "palpate/simulation/organ.hpp"
+#include "palpate/simulation/recording.hpp"
 
 namespace palpate {
 
@@ -177,6 +177,21 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
   if (options.verify) read_organ(options.input, true, console.progress("verify"));
 }
 
+void info_recording(const InfoOptions& options, Facts& facts) {
+  const Recording r = Recording::read(options.input);
+  const ContainerReader in(options.input, "recording", any_version);
+  facts.add("recording", fmt::format("{} of {}, {}", count(r.ticks(), "tick", "ticks"),
+                                     count(r.instruments(), "instrument", "instruments"),
+                                     count(r.hashes() + 1, "hash", "hashes")));
+  facts.add("organ", fmt::format("hash {:016x}", r.organ()));
+  facts.add("made of", in.text("provenance"));
+  facts.object.update({{"ticks", r.ticks()},
+                       {"instruments", r.instruments()},
+                       {"hashes", r.hashes() + 1},
+                       {"provenance", in.text("provenance")},
+                       {"version", in.version()}});
+}
+
 }  // namespace
 
 std::string drawing_text(std::size_t triangles, std::size_t vertices, double rms, double most) {
@@ -197,6 +212,8 @@ void info_container(const InfoOptions& options, const std::string& kind, const C
     info_band(options, facts);
   else if (kind == "model")
     info_model(options, facts, console);
+  else if (kind == "recording")
+    info_recording(options, facts);
   else
     throw Error(ErrorKind::format, "{}: a container of kind \"{}\", of which nothing is known here",
                 options.input.string(), kind);

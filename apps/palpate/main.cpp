@@ -139,6 +139,9 @@ void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
       ->capture_default_str();
   c->add_option("--ticks", o.ticks,
                 "with --loop: how many; the motion goes to and fro (default: as long as the motion)");
+  c->add_option("--record", o.record, "write every tick's input and a hash of every 1,000th state (.h5)");
+  c->add_option("--replay", o.replay,
+                "run a recording instead of the motion and compare the states bit by bit");
   c->callback([&] { run_simulate(o, console); });
 }
 

@@ -96,16 +96,29 @@ void stage_line(const Console& console, const std::string& name, const std::stri
                            bytes ? human_bytes(bytes) : "", human_bytes(resident_bytes())));
 }
 
+void Comparison::require_same(const std::filesystem::path& file) const {
+  if (!with || differs_at == ~std::uint64_t{0}) return;
+  throw Error(ErrorKind::format,
+              "{}: the state after tick {} is not the one recorded; was its model precomputed on another "
+              "machine, or is "
+              "the program another version?",
+              file.string(), differs_at);
+}
+
 RunSummary run_scene(const Scene& scene, const RunOptions& options, const Console& console) {
   State state = make_state(scene.model);
   Recorder recorder(options.folder, scene.model, options.every);
   std::vector<Shot> shots;
+  Comparison compared{options.replay};
   {
     const Progress progress = console.progress("simulate");
     const double start = scene.motion.motion.times.front();
     for (std::size_t k = 0; k < scene.steps; ++k) {
-      const Input input = input_at(scene.motion, start + static_cast<double>(k) * scene.dt);
+      Input input = input_at(scene.motion, start + static_cast<double>(k) * scene.dt);
+      if (options.replay) options.replay->set_input(k, input);
       step(scene.model, state, input);
+      compared.see(k, state);
+      if (options.record) options.record->add(input, state);
       recorder.add(k, input, state);
       // The first shot half a tile in: the sheet then shows the middle of each twelfth of the run.
       if (options.pictures && k == (2 * shots.size() + 1) * scene.steps / (2 * tiles))
@@ -114,6 +127,7 @@ RunSummary run_scene(const Scene& scene, const RunOptions& options, const Consol
     }
   }
   const RunSummary summary = recorder.finish();
+  compared.require_same(options.replayed_file);
   if (options.pictures && !shots.empty()) draw(scene, shots, options);
   return summary;
 }

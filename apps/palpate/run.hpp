@@ -6,6 +6,7 @@
 
 #include "console.hpp"
 #include "palpate/simulation/record.hpp"
+#include "palpate/simulation/recording.hpp"
 #include "palpate/simulation/scene.hpp"
 
 namespace palpate {
@@ -17,6 +18,20 @@ struct RunOptions {
   Vec3 view = Vec3(1, -1, 0.8);  // from the organ towards the eye
   Vec3 up = Vec3(0, 0, 1);
   std::string title;
+  Recording* record = nullptr;        // filled
+  const Recording* replay = nullptr;  // what is run in place of the motion
+  std::filesystem::path replayed_file;
+};
+
+// Follows a replay: tick k's state must be the one recorded.
+struct Comparison {
+  const Recording* with = nullptr;
+  std::uint64_t differs_at = ~std::uint64_t{0};  // first tick whose state differs
+  void see(std::uint64_t k, const State& state) noexcept {
+    if (with && k < differs_at && !with->agrees(k, state)) differs_at = k;
+  }
+  // Error(format) where one differs.
+  void require_same(const std::filesystem::path& file) const;
 };
 
 RunSummary run_scene(const Scene& scene, const RunOptions& options, const Console& console);

@@ -1,0 +1,107 @@
+#include "palpate/simulation/recording.hpp"
+
+#include "palpate/base/error.hpp"
+#include "palpate/base/hash.hpp"
+#include "palpate/io/container.hpp"
+
+namespace palpate {
+
+namespace {
+
+constexpr int recording_version = 1;
+
+void put(const Pose& p, std::vector<double>& out) {
+  const Eigen::Quaterniond& q = p.rotation;
+  for (const double x : {p.translation.x(), p.translation.y(), p.translation.z(), q.w(), q.x(), q.y(), q.z()})
+    out.push_back(x);
+}
+
+Pose pose(const double* x) { return {Eigen::Quaterniond(x[3], x[4], x[5], x[6]), Vec3(x[0], x[1], x[2])}; }
+
+}  // namespace
+
+std::uint64_t state_hash(const State& state) noexcept {
+  Hash hash;
+  hash.add_bytes(&state.status, sizeof state.status);
+  for (const Contact& c : state.contacts) {
+    hash.add_bytes(&c.node, sizeof c.node);
+    hash.add_bytes(&c.instrument, sizeof c.instrument);
+    hash.add_bytes(c.force_in_organ.data(), 3 * sizeof(double));
+    hash.add_bytes(&c.gap_after, sizeof c.gap_after);
+  }
+  for (std::size_t i = 0; i < state.loads.count; ++i) {
+    hash.add_bytes(&state.loads.rows[i], sizeof(Index));
+    hash.add_bytes(state.loads.forces[i].data(), 3 * sizeof(double));
+    hash.add_bytes(state.loads.u[i].data(), 3 * sizeof(double));
+  }
+  for (const Wrench& w : state.wrenches) {
+    hash.add_bytes(w.force.data(), 3 * sizeof(double));
+    hash.add_bytes(w.torque.data(), 3 * sizeof(double));
+  }
+  return hash.value();
+}
+
+Recording::Recording(const Model& model, std::uint64_t ticks)
+    : instruments_(model.instruments.size()), organ_(model.organ.hash) {
+  times_.reserve(ticks);
+  poses_.reserve(per_pose * (instruments_ + 1) * ticks);
+  hashes_.reserve(ticks / hash_every + 1);
+}
+
+bool Recording::add(const Input& input, const State& state) noexcept {
+  if (times_.size() == times_.capacity() || input.instruments.size() != instruments_) return false;
+  times_.push_back(input.time);
+  put(input.organ, poses_);
+  for (const Pose& p : input.instruments) put(p, poses_);
+  last_ = state_hash(state);
+  if (has_hash(times_.size() - 1)) hashes_.push_back(static_cast<std::int64_t>(last_));
+  return true;
+}
+
+void Recording::set_input(std::uint64_t k, Input& input) const noexcept {
+  const double* at = poses_.data() + per_pose * (instruments_ + 1) * k;
+  input.time = times_[k];
+  input.organ = pose(at);
+  for (Pose& p : input.instruments) p = pose(at += per_pose);
+}
+
+bool Recording::agrees(std::uint64_t k, const State& state) const noexcept {
+  if (k + 1 == times_.size()) return state_hash(state) == last_;
+  return !has_hash(k) || state_hash(state) == static_cast<std::uint64_t>(hashes_[k / hash_every]);
+}
+
+void Recording::write(const std::filesystem::path& path, const std::string& provenance) const {
+  ContainerWriter out(path, "recording", recording_version);
+  out.attribute("provenance", provenance);
+  out.attribute("organ_hash", static_cast<std::int64_t>(organ_));
+  out.attribute("instruments", static_cast<std::int64_t>(instruments_));
+  out.attribute("last_hash", static_cast<std::int64_t>(last_));
+  out.array<double>("time", times_, {times_.size()}, "s", "of each tick");
+  out.array<double>("poses", poses_, {times_.size(), instruments_ + 1, per_pose}, "m, 1",
+                    "position and quaternion (w x y z) of the organ and the instruments in each tick");
+  out.array<std::int64_t>("hashes", hashes_, {hashes_.size()}, "",
+                          "of the state after every thousandth tick; of the last: attribute last_hash");
+  out.commit();
+}
+
+Recording Recording::read(const std::filesystem::path& path) {
+  const ContainerReader in(path, "recording", recording_version);
+  Recording r;
+  const auto require = [&](bool ok, const char* what) {
+    if (!ok) throw Error(ErrorKind::format, "{}: {}; the file is damaged", path.string(), what);
+  };
+  const std::int64_t instruments = in.integer("instruments");
+  require(instruments >= 0 && instruments < 1000, "a strange number of instruments");
+  r.instruments_ = static_cast<std::size_t>(instruments);
+  r.organ_ = static_cast<std::uint64_t>(in.integer("organ_hash"));
+  r.last_ = static_cast<std::uint64_t>(in.integer("last_hash"));
+  r.times_ = in.vector<double>("time");
+  r.poses_ = in.vector<double>("poses");
+  r.hashes_ = in.vector<std::int64_t>("hashes");
+  require(r.poses_.size() == per_pose * (r.instruments_ + 1) * r.times_.size(),
+          "poses do not match the times");
+  require(r.hashes_.size() == r.times_.size() / hash_every, "hashes do not match the times");
+  return r;
+}
+
+}  // namespace palpate

@@ -1,0 +1,51 @@
+// What went into each tick, and a hash of what came out now and then: a run can be replayed and compared bit
+// by bit, with or without threads, on any machine that has the same model file.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "palpate/simulation/model.hpp"
+
+namespace palpate {
+
+// Of everything a tick decides: status, contacts, forces, and what these do where they act.
+std::uint64_t state_hash(const State& state) noexcept;
+
+class Recording {
+ public:
+  static constexpr std::uint64_t hash_every = 1000;  // ticks
+
+  Recording() = default;
+  // For up to so many ticks: memory is taken now, add() allocates nothing.
+  Recording(const Model& model, std::uint64_t ticks);
+
+  // In the order of the ticks. False where there is no more room: that tick is not recorded.
+  bool add(const Input& input, const State& state) noexcept;
+  std::uint64_t ticks() const noexcept { return times_.size(); }
+  // Tick k's input, into one that has its instruments.
+  void set_input(std::uint64_t k, Input& input) const noexcept;
+  // Whether the state after tick k is the one that was recorded; true for ticks without a hash.
+  bool agrees(std::uint64_t k, const State& state) const noexcept;
+  std::size_t instruments() const noexcept { return instruments_; }
+  std::uint64_t hashes() const noexcept { return hashes_.size(); }
+  // Of the model that was run: mesh, materials, anchors (organ_hash).
+  std::uint64_t organ() const noexcept { return organ_; }
+
+  // HDF5, container kind "recording": time, poses (ticks x bodies x 7: position, quaternion w x y z; the
+  // organ first), hashes.
+  void write(const std::filesystem::path& path, const std::string& provenance) const;
+  static Recording read(const std::filesystem::path& path);  // Error(file | format)
+
+ private:
+  static constexpr std::size_t per_pose = 7;
+  bool has_hash(std::uint64_t k) const noexcept { return (k + 1) % hash_every == 0; }
+
+  std::size_t instruments_ = 0;
+  std::uint64_t organ_ = 0;
+  std::vector<double> times_, poses_;
+  std::vector<std::int64_t> hashes_;  // after ticks 999, 1999, ... and the last one
+  std::uint64_t last_ = 0;            // hash after the last tick
+};
+
+}  // namespace palpate

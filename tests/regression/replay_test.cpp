@@ -1,0 +1,88 @@
+// A recording and the model it was made with, both kept here (scene.toml): the same bits on every machine,
+// with and without threads. Made by: palpate precompute BLOCK -o block.h5 --material 10e3,0.45 --anchor
+// "half-space 0 0 0.001 0 0 1"; palpate simulate scene.toml --record recording.h5. A change that means to
+// alter forces makes it anew.
+#include <gtest/gtest.h>
+
+#include "palpate/base/error.hpp"
+#include "palpate/simulation/loop.hpp"
+#include "palpate/simulation/recording.hpp"
+#include "palpate/simulation/scene.hpp"
+#include "unit/io/io_test.hpp"
+
+namespace palpate {
+namespace {
+
+const std::filesystem::path folder = std::filesystem::path(PALPATE_SOURCE_DIR) / "tests/regression";
+
+struct Replay : ::testing::Test {
+  Scene scene = read_scene(folder / "scene.toml");
+  const Model& model = scene.model;
+  Recording recording = Recording::read(folder / "recording.h5");
+  State state = make_state(model);
+  Input input = input_at(scene.motion, 0);
+
+  // First tick that differs; the number of ticks where none does.
+  template <class Change>
+  std::uint64_t first_difference(const Change& change) {
+    for (std::uint64_t k = 0; k < recording.ticks(); ++k) {
+      recording.set_input(k, input);
+      change(k);
+      step(model, state, input);
+      if (!recording.agrees(k, state)) return k;
+    }
+    return recording.ticks();
+  }
+};
+
+TEST_F(Replay, StepByStep) {
+  EXPECT_EQ(recording.organ(), model.organ.hash);
+  EXPECT_EQ(recording.ticks(), 1051u);
+  EXPECT_EQ(first_difference([](std::uint64_t) {}), recording.ticks());
+  EXPECT_EQ(state.contacts.size(), 6u);  // the hashes are of ticks that touch
+}
+
+TEST_F(Replay, OneBitOfOnePoseIsSeen) {
+  EXPECT_EQ(first_difference([&](std::uint64_t k) {
+              double& z = input.instruments[1].translation.z();
+              if (k == 999) z = std::nextafter(z, 1.0);
+            }),
+            999u);
+}
+
+TEST_F(Replay, InTheForceLoop) {
+  for (const double rate : {0.0, 2000.0}) {
+    State own = make_state(model);
+    Recording again(model, recording.ticks());
+    std::uint64_t differing = 0;
+    LoopSettings settings;
+    settings.rate = rate, settings.ticks = recording.ticks(), settings.frame_rate = 300;
+    LoopHooks hooks;
+    hooks.input = [&](std::uint64_t k, const State&, Input& in) { return recording.set_input(k, in), true; };
+    hooks.output = [&](std::uint64_t k, const Input& in, const State& s) {
+      differing += !recording.agrees(k, s);
+      again.add(in, s);
+    };
+    run_loop(model, own, settings, hooks);
+    EXPECT_EQ(differing, 0u) << rate;
+    const TempFolder temp;
+    again.write(temp / "again.h5", "palpate simulate scene.toml");
+    const Recording back = Recording::read(temp / "again.h5");
+    EXPECT_EQ(back.ticks(), recording.ticks());
+    EXPECT_EQ(back.hashes(), recording.hashes());
+    EXPECT_TRUE(back.agrees(recording.ticks() - 1, own));
+  }
+}
+
+TEST_F(Replay, KeepsToItsRoom) {
+  Recording small(model, 3);
+  for (int k = 0; k < 5; ++k) EXPECT_EQ(small.add(input, state), k < 3);
+  EXPECT_EQ(small.ticks(), 3u);
+  Input other;
+  EXPECT_FALSE(Recording(model, 3).add(other, state));
+  EXPECT_THROW(Recording::read(folder / "block.h5"), Error);
+  EXPECT_THROW(Recording::read(folder / "none.h5"), Error);
+}
+
+}  // namespace
+}  // namespace palpate
