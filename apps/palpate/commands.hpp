@@ -56,6 +56,8 @@ struct SimulateOptions {
   double rate = 1000;                    // of the loop, ticks a second
   double frame_rate = 60;                // of its surfaces, a second
   std::uint64_t ticks = 0;               // 0: as long as the motion
+  std::string device;                    // haptic device that leads the first instrument; empty: the motion
+  std::vector<double> device_at;         // where its frame stands in the world, m
   std::filesystem::path record, replay;  // recordings to write, to run and compare
   std::size_t steps = 0;                 // 0: as the scene says
   std::size_t every = 25;                // steps between frames

@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "palpate/base/timer.hpp"
+#include "palpate/haptics/coupling.hpp"
 #include "palpate/io/atomic_file.hpp"
 #include "palpate/simulation/loop.hpp"
 #include "run.hpp"
@@ -13,6 +14,28 @@
 namespace palpate {
 
 namespace {
+
+// A haptic device, the coupling to the first instrument, and what the hand felt.
+struct Hand {
+  std::unique_ptr<HapticDevice> device;
+  CouplingSettings settings;
+  CouplingState coupling;
+  Vec3 at = Vec3::Zero();  // where the device's frame stands, m
+  double peak = 0;         // N
+  std::uint64_t connected = 0;
+
+  void lead(Input& input, const State& state, double dt) noexcept {
+    DeviceSample sample = device->read();
+    sample.pose.translation += at;
+    connected += sample.connected;
+    input.instruments[0] = couple(settings, coupling, sample, state.wrenches[0], dt);
+  }
+  void feel(const State& state) noexcept {
+    const Wrench wrench = hand_wrench(settings, coupling, state.wrenches[0]);
+    peak = std::max(peak, wrench.force.norm());
+    device->write(wrench);
+  }
+};
 
 // The scene's motion to and fro in real time.
 void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* record,
@@ -30,18 +53,28 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   State state = make_state(scene.model);
   LoopReport report;
   Comparison compared{replay};
+  Hand hand;
+  if (!options.device.empty()) {
+    if (options.rate == 0 || replay)
+      throw Error(ErrorKind::usage, "--device {}: not with --replay or --rate 0", options.device);
+    hand.device = open_device(options.device);
+    if (!options.device_at.empty())
+      hand.at = Vec3(options.device_at[0], options.device_at[1], options.device_at[2]);
+  }
   {
     const Progress progress = console.progress("loop");
     std::atomic<std::uint64_t> done{0};
     LoopHooks hooks;
-    hooks.input = [&](std::uint64_t k, const State&, Input& input) {
+    hooks.input = [&](std::uint64_t k, const State& s, Input& input) {
       done.store(k, std::memory_order_relaxed);
       const double t = length > 0 ? std::fmod(static_cast<double>(k) * dt, 2 * length) : 0;
       set_input(scene.motion, begin + std::min(t, 2 * length - t), input);
       if (replay) replay->set_input(k, input);
+      if (hand.device) hand.lead(input, s, dt);
       return !(progress.interrupted && progress.interrupted->load(std::memory_order_relaxed));
     };
     hooks.output = [&](std::uint64_t k, const Input& input, const State& s) {
+      if (hand.device) hand.feel(s);
       compared.see(k, s);
       if (record) record->add(input, s);
     };
@@ -54,9 +87,15 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
     if (progress.report) progress.report(1);
   }
   console.line(loop_table(report) + "  left in " + options.output.string());
+  if (hand.device)
+    console.line(fmt::format("  hand: {} connected in {} of {} ticks, felt up to {:.3g} N", options.device,
+                             hand.connected, report.ticks.wall.count(), hand.peak));
   nlohmann::ordered_json summary{{"surface_nodes", scene.model.organ.surface_size()},
                                  {"rate_hz", options.rate},
                                  {"loop", nlohmann::ordered_json::parse(loop_json(report))}};
+  if (hand.device)
+    summary["device"] = {
+        {"name", options.device}, {"ticks_connected", hand.connected}, {"peak_force_N", hand.peak}};
   file.write(summary.dump(2) + "\n");
   file.commit();
   console.object(nlohmann::json(summary));
@@ -74,6 +113,8 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
              fmt::format("{} surface nodes, {} instrument(s), {} steps of {}", model.organ.surface_size(),
                          model.instruments.size(), scene.steps, human_time(scene.dt)),
              timer.seconds(), model.organ.compliance.bytes());
+  if (!options.loop && !options.device.empty())
+    throw Error(ErrorKind::usage, "--device {}: say --loop, too; a hand needs real time", options.device);
   Recording replay, record;
   if (!options.replay.empty()) {
     replay = Recording::read(options.replay);

@@ -91,7 +91,7 @@ void deform_until_over(const Model& model, const LoopSettings& settings, const L
 
 void tick_until_over(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks,
                      Shared& shared, Input& input, LoopReport& report) noexcept {
-  report.first_in = go_first();
+  report.first_in = settings.rate > 0 && go_first();  // never one that does not sleep
   if (settings.idle_ticks > 0) {
     Pace pace(settings.rate);
     for (std::uint64_t k = 0; k < settings.idle_ticks; ++k) {

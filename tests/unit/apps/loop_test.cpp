@@ -1,0 +1,74 @@
+// The program in real time: loop, recordings, a simulated hand.
+#include <fmt/core.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "palpate/io/atomic_file.hpp"
+#include "run.hpp"
+#include "unit/io/io_test.hpp"
+
+namespace palpate {
+namespace {
+
+using nlohmann::json;
+
+const std::string folder_of_scene = PALPATE_SOURCE_DIR "/tests/regression/";
+
+struct LoopOfProgram : ::testing::Test {
+  TempFolder folder;
+  std::string in(const std::string& name) const { return fmt::format("'{}'", (folder / name).string()); }
+  Ran operator()(const std::string& options) const {
+    return run_palpate(fmt::format("simulate '{}scene.toml' --no-pictures --every 0 -o {} {}",
+                                   folder_of_scene, in("run"), options));
+  }
+};
+
+TEST_F(LoopOfProgram, PrintsPercentilesAndLeavesASummary) {
+  const Ran run = (*this)("--loop --rate 2000 --ticks 3000");
+  ASSERT_EQ(run.exit_code, 0) << run.output;
+  for (const char* part : {"p99.9", "tick, CPU time", "empty tick", "of 3000"})
+    EXPECT_NE(run.output.find(part), std::string::npos) << run.output;
+  const json summary = json::parse(read_file(folder / "run/summary.json"));
+  EXPECT_EQ(summary["loop"]["tick_cpu"]["count"], 3000);
+  EXPECT_GE(summary["loop"]["seconds"].get<double>(), 1.49);
+  EXPECT_GT(summary["loop"]["contacts_max"].get<int>(), 4);
+  EXPECT_GT(summary["loop"]["frames"].get<int>(), 0);
+}
+
+TEST_F(LoopOfProgram, WhatAHandDidIsReplayedWithoutIt) {
+  const Ran hand = (*this)(fmt::format("--loop --ticks 1000 --device 'loopback:{}motion.csv' --record {}",
+                                       folder_of_scene, in("hand.h5")));
+  ASSERT_EQ(hand.exit_code, 0) << hand.output;
+  EXPECT_NE(hand.output.find("connected in 1000 of 1000 ticks"), std::string::npos) << hand.output;
+  EXPECT_GT(json::parse(read_file(folder / "run/summary.json"))["device"]["peak_force_N"].get<double>(), 0.1);
+  for (const char* how : {"", "--loop --rate 0"}) {
+    const Ran again = (*this)(fmt::format("{} --replay {}", how, in("hand.h5")));
+    EXPECT_EQ(again.exit_code, 0) << again.output;
+    EXPECT_NE(again.output.find("replayed: 1000 ticks, the same states at all 2 hashes"), std::string::npos)
+        << again.output;
+  }
+}
+
+TEST_F(LoopOfProgram, SaysWhatDiffersAndWhatItCannotDo) {
+  folder.write("scene.toml", fmt::format("[organ]\nmodel = \"{0}block.h5\"\n[[instrument]]\nname = \"bar\"\n"
+                                         "sphere = 0.02\n[[instrument]]\nname = \"ball\"\nsphere = 0.02\n"
+                                         "[motion]\nfile = \"{0}motion.csv\"\n",
+                                         folder_of_scene));
+  const Ran other =
+      run_palpate(fmt::format("simulate {} --no-pictures --every 0 -o {} --replay '{}recording.h5'",
+                              in("scene.toml"), in("run"), folder_of_scene));
+  EXPECT_NE(other.exit_code, 0);
+  EXPECT_NE(other.output.find("the state after tick 999 is not the one recorded"), std::string::npos)
+      << other.output;
+  for (const char* options :
+       {"--device haply", "--loop --device mouse", "--loop --rate 5000", "--loop --frame-rate 0",
+        "--replay none.h5", "--loop --rate 0 --device haply"}) {
+    const Ran run = (*this)(options);
+    EXPECT_NE(run.exit_code, 0) << options;
+    EXPECT_NE(run.output.find("palpate: "), std::string::npos) << run.output;
+  }
+}
+
+}  // namespace
+}  // namespace palpate
