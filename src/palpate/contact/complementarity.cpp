@@ -13,16 +13,23 @@ namespace {
 bool solve_active(const double* a, std::size_t n, std::size_t ld, const double* b,
                   std::span<const std::uint8_t> active, std::span<double> p,
                   const ComplementarityWork& work) noexcept {
+  const bool known = !work.factored.empty() &&
+                     std::equal(work.factored.begin(), work.factored.begin() + static_cast<std::ptrdiff_t>(n),
+                                active.begin());
   std::size_t m = 0;
   for (std::size_t i = 0; i < n; ++i)
     if (active[i]) work.index[m++] = static_cast<std::int32_t>(i);
-  for (std::size_t r = 0; r < m; ++r) {
+  for (std::size_t r = 0; r < m; ++r) work.vector[r] = -b[work.index[r]];
+  for (std::size_t r = 0; r < m && !known; ++r) {
     const double* row = a + static_cast<std::size_t>(work.index[r]) * ld;
     double* out = work.matrix.data() + r * m;
     for (std::size_t c = r; c < m; ++c) out[c] = row[work.index[c]];
-    work.vector[r] = -b[work.index[r]];
   }
-  if (!cholesky(work.matrix.data(), m, m)) return false;
+  if (!known) {
+    if (!work.factored.empty()) std::fill_n(work.factored.begin(), n, std::uint8_t{2});
+    if (!cholesky(work.matrix.data(), m, m)) return false;
+    if (!work.factored.empty()) std::copy_n(active.begin(), n, work.factored.begin());
+  }
   cholesky_solve(work.matrix.data(), m, m, work.vector.data());
   std::fill(p.begin(), p.begin() + static_cast<std::ptrdiff_t>(n), 0.0);
   for (std::size_t r = 0; r < m; ++r) p[static_cast<std::size_t>(work.index[r])] = work.vector[r];

@@ -13,6 +13,9 @@ struct ComplementarityWork {
   std::span<double> matrix;       // n x n
   std::span<double> vector;       // n
   std::span<std::int32_t> index;  // n
+  // n flags: the active set that `matrix` and `index` hold the factor of, for another call with the same A;
+  // all 2: none. May be empty.
+  std::span<std::uint8_t> factored = {};
 };
 
 // a: row-major n x n, leading dimension ld, full. active (n flags) is the start and receives the answer: 1

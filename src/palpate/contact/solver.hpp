@@ -27,6 +27,10 @@ struct ContactPoint {
   double slope = 1;            // of the gap along the normal
   double pressure = 0;         // N along the normal: in, the last tick's; out, the solution's
   Vec3 force = Vec3::Zero();   // N, on the organ
+  // Friction: whether the point touched before, and its displacement if it has not slipped since, m.
+  bool held = false;
+  Vec3 reference = Vec3::Zero();
+  bool sticks = false;  // out: friction below its limit
 };
 
 struct SolverLimits {
@@ -51,6 +55,10 @@ class ContactSolver {
   // friction). The order of the points decides the bits, that of the block's slots does not.
   SolveResult unilateral(const ContactBlock& block, std::span<const PlacedShape> shapes,
                          std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
+  // The same with friction: |f_t| <= mu p, and where a held point slips, f_t = -mu p along the slip from its
+  // reference. Points that are not held yet have no friction in this call.
+  SolveResult coulomb(const ContactBlock& block, std::span<const PlacedShape> shapes,
+                      std::span<ContactPoint> points, double mu, const SolverLimits& limits) noexcept;
   // The thesis (T 4.3.2): every point is moved onto the shape's surface, to where the normal at rest + u
   // leads; forces may pull. Points must be distinct nodes.
   SolveResult prescribed(const ContactBlock& block, std::span<const PlacedShape> shapes,
@@ -79,6 +87,8 @@ class ContactSolver {
   void partial(std::span<const ContactPoint> points, double share) noexcept;
   void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
                History& history) noexcept;
+  double sweep_friction(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
+                        double enough) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
   void linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
   void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
@@ -88,6 +98,10 @@ class ContactSolver {
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
   std::vector<double> along_;           // 3 slots
+  std::vector<Vec3> friction_;          // of each point, tangential, N
+  std::vector<Mat3> stiffness_;         // of each point along the surface, N/m
+  std::vector<std::uint8_t> factored_;  // active set that factor_ is of
+  std::vector<double> gap_, moved_;     // gap of each point without pressure, m; u of all slots, m
   std::vector<double> reached_;         // gap of each point at u_, m
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;

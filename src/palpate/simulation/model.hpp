@@ -32,6 +32,7 @@ struct Settings {
   int max_contacts = 1000;  // beyond it: status too_many_contacts, the deepest are kept
   // Of the gap function in a tick; beyond it: status not_converged, the next tick goes on.
   int max_relinearisations = 100;
+  double friction = 0;            // Coulomb's coefficient between organ and instruments; mode unilateral
   double gaussian_force = 1;      // N, total
   double gaussian_radius = 0.01;  // m, standard deviation of the bell
 };
@@ -62,8 +63,9 @@ struct Contact {
   Index instrument = -1;
   Vec3 force = Vec3::Zero();           // on the organ, N, world
   Vec3 force_in_organ = Vec3::Zero();  // the same in the organ's frame
-  double gap_before = 0;               // m, of the node at rest: minus the penetration depth
-  double gap_after = 0;                // m, after the solve
+  Vec3 touched = Vec3::Zero();  // where on the instrument it sticks or last slipped to, instrument frame, m
+  double gap_before = 0;        // m, of the node at rest: minus the penetration depth
+  double gap_after = 0;         // m, after the solve
 };
 
 struct Wrench {
@@ -87,7 +89,7 @@ struct State {
   Loads loads;                    // of this tick: the contacts' forces as the compliance takes them
   std::vector<Contact> contacts;  // of this tick: the nodes with a force
   std::vector<Wrench> wrenches;   // one an instrument
-  double deepest_before = 0;         // m, largest penetration at rest of a node with a force, >= 0
+  double deepest_before = 0;      // m, largest penetration at rest of a node with a force, >= 0
   double deepest_after = 0;       // m, largest penetration left
   int relinearisations = 0;
   std::uint32_t status = status_ok;

@@ -301,6 +301,8 @@ Settings read_settings(Table t) {
   s.max_contacts = static_cast<int>(t.whole("max_contacts", s.max_contacts, 1, 5000));
   s.max_relinearisations =
       static_cast<int>(t.whole("max_relinearisations", s.max_relinearisations, 1, 10000));
+  s.friction = t.quantity("friction", s.friction, no_units);
+  if (!(s.friction >= 0 && s.friction <= 10)) t.fail("friction", "must lie between 0 and 10");
   s.gaussian_force = t.quantity("gaussian_force", s.gaussian_force, force_units);
   s.gaussian_radius = t.quantity("gaussian_radius", s.gaussian_radius, length_units);
   if (!(s.gaussian_radius > 0)) t.fail("gaussian_radius", "must be above zero");

@@ -246,7 +246,13 @@ void detect(const Model& model, State& state, const Surface& surface) {
   forget_points(model, w);
   for (const Contact& c : state.contacts)
     if (c.instrument >= 0 && at(c.instrument) < w.shapes.size() && model.settings.mode == Mode::unilateral)
-      add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node), c.force_in_organ);
+      if (add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node),
+                    c.force_in_organ)) {
+        ContactPoint& p =
+            w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
+        p.held = model.settings.friction > 0;
+        p.reference = w.shapes[at(c.instrument)].to_organ * c.touched - p.rest;
+      }
   const double drifted = drift(model, state, surface);
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
     near_now(model, state, surface, w.shapes[i], w.reach, drifted, [&](Index node, double, const Vec3& u) {
@@ -327,6 +333,8 @@ void solve(const Model& model, State& state, const Surface& surface) {
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
                    ? w.solver.prescribed(w.block, w.shapes, w.points, limits)
+               : model.settings.friction > 0
+                   ? w.solver.coulomb(w.block, w.shapes, w.points, model.settings.friction, limits)
                    : w.solver.unilateral(w.block, w.shapes, w.points, limits);
     else
       result.converged = true;
@@ -419,6 +427,8 @@ void report(State& state, const Input& input) {
     c.node = p.node, c.instrument = p.instrument;
     c.gap_before = shape.distance(p.rest);
     c.gap_after = p.gap;
+    const Vec3 now = p.rest + p.u;
+    c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
     c.force_in_organ = p.force, c.force = state.organ.rotation * p.force;
     state.contacts.push_back(c);
     state.deepest_before = std::max(state.deepest_before, -c.gap_before);
