@@ -73,7 +73,7 @@ SolveResult ContactSolver::coulomb(const ContactBlock& block, std::span<const Pl
   while (result.relinearisations < limits.max_relinearisations && !result.converged) {
     for (std::size_t i = 0; i < m; ++i) {
       ContactPoint& c = points[i];
-      const Gap g = shapes[static_cast<std::size_t>(c.instrument)].gap(c.rest + c.u);
+      const Gap g = gap_of(shapes, c, c.u);
       c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
       if (result.relinearisations == 0 && c.gap < 0) active_[i] = 1;
       friction_[i] -= c.normal.dot(friction_[i]) * c.normal;
@@ -108,7 +108,7 @@ SolveResult ContactSolver::coulomb(const ContactBlock& block, std::span<const Pl
     displace(block, points);
     double residual = 0, turned = 0;
     for (std::size_t i = 0; i < m; ++i) {
-      const Gap g = shapes[static_cast<std::size_t>(points[i].instrument)].gap(points[i].rest + u_[i]);
+      const Gap g = gap_of(shapes, points[i], u_[i]);
       residual = std::max(residual, pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
       turned += pressure_[i] * (g.normal - points[i].normal).norm();
       reached_[i] = g.distance;

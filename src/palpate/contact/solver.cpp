@@ -82,7 +82,7 @@ ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<
   for (std::size_t i = 0; i < m; ++i) force_[i] = pressure_[i] * points[i].normal;
   displace(block, points);
   for (std::size_t i = 0; i < m; ++i) {
-    const Gap g = shapes[static_cast<std::size_t>(points[i].instrument)].gap(points[i].rest + u_[i]);
+    const Gap g = gap_of(shapes, points[i], u_[i]);
     s.residual = std::max(s.residual, pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
     s.turned += pressure_[i] * (g.normal - points[i].normal).norm();
     s.total += pressure_[i];
@@ -98,8 +98,7 @@ double ContactSolver::merit(std::span<const PlacedShape> shapes, std::span<const
   double energy = 0, inside = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     energy += 0.5 * trial_[i].dot(trial_force_[i]);
-    const double gap =
-        shapes[static_cast<std::size_t>(points[i].instrument)].distance(points[i].rest + trial_[i]);
+    const double gap = distance_of(shapes, points[i], trial_[i]);
     inside += std::max(0.0, -gap) / points[i].slope;
   }
   return energy + penalty * inside;
@@ -199,7 +198,7 @@ SolveResult ContactSolver::unilateral(const ContactBlock& block, std::span<const
   while (result.relinearisations < limits.max_relinearisations && !result.converged) {
     for (std::size_t i = 0; i < m; ++i) {
       ContactPoint& c = points[i];
-      const Gap g = shapes[static_cast<std::size_t>(c.instrument)].gap(c.rest + c.u);
+      const Gap g = gap_of(shapes, c, c.u);
       c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
       if (result.relinearisations == 0 && c.gap < 0) active_[i] = 1;
     }

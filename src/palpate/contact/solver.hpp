@@ -33,6 +33,15 @@ struct ContactPoint {
   bool sticks = false;  // out: friction below its limit
 };
 
+// From the point, displaced by u, to its instrument.
+inline Gap gap_of(std::span<const PlacedShape> shapes, const ContactPoint& c, const Vec3& u) noexcept {
+  return shapes[static_cast<std::size_t>(c.instrument)].gap(c.rest + u);
+}
+inline double distance_of(std::span<const PlacedShape> shapes, const ContactPoint& c,
+                          const Vec3& u) noexcept {
+  return shapes[static_cast<std::size_t>(c.instrument)].distance(c.rest + u);
+}
+
 struct SolverLimits {
   double tolerance = 0;  // m, of the gaps
   int max_relinearisations = 100;
