@@ -119,7 +119,7 @@ MotionFile make_motion(const Organ& organ, std::size_t steps, double dt) {
     pose.translation = Vec3(kidney.center().x(), k.y, kidney.max.z() + k.height);
     file.motion.times.push_back(k.t * static_cast<double>(steps - 1) * dt);
     file.motion.poses.push_back({pose});
-    file.organ.push_back(Pose{});
+    file.organs.push_back({Pose{}});
   }
   return file;
 }
@@ -151,11 +151,13 @@ void run_demo(const DemoOptions& options, const Console& console) {
 
   const Timer offline = wall_timer();
   Scene scene;
-  scene.model.organ = make_organ(options, console);
-  scene.model.instruments.push_back(make_instrument(options, console));
+  Model& model = scene.models.emplace_back();
+  scene.organs = {"organ"};
+  model.organ = make_organ(options, console);
+  model.instruments.push_back(make_instrument(options, console));
   scene.dt = 0.001;
   scene.steps = options.steps;
-  scene.motion = make_motion(scene.model.organ, scene.steps, scene.dt);
+  scene.motion = make_motion(model.organ, scene.steps, scene.dt);
   write_motion(options.output / "motion.csv", scene.motion, {"bishop"});
   write_scene(options, scene.dt);
   console.line(

@@ -180,12 +180,14 @@ void info_model(const InfoOptions& options, Facts& facts, const Console& console
 void info_recording(const InfoOptions& options, Facts& facts) {
   const Recording r = Recording::read(options.input);
   const ContainerReader in(options.input, "recording", any_version);
-  facts.add("recording", fmt::format("{} of {}, {}", count(r.ticks(), "tick", "ticks"),
+  facts.add("recording", fmt::format("{} of {} and {}, {}", count(r.ticks(), "tick", "ticks"),
+                                     count(r.organs(), "organ", "organs"),
                                      count(r.instruments(), "instrument", "instruments"),
                                      count(r.hashes() + 1, "hash", "hashes")));
-  facts.add("organ", fmt::format("hash {:016x}", r.organ()));
+  facts.add(r.organs() > 1 ? "organs" : "organ", fmt::format("hash {:016x}", r.organ()));
   facts.add("made of", in.text("provenance"));
   facts.object.update({{"ticks", r.ticks()},
+                       {"organs", r.organs()},
                        {"instruments", r.instruments()},
                        {"hashes", r.hashes() + 1},
                        {"provenance", in.text("provenance")},

@@ -18,25 +18,36 @@ constexpr std::size_t tiles = 12;
 struct Shot {
   double time = 0;
   double force = 0;
-  std::vector<Vec3> vertices;                  // deformed organ, world
-  std::vector<float> millimetres;              // displacement of each
-  std::vector<std::vector<Vec3>> instruments;  // vertices, world
+  std::vector<std::vector<Vec3>> organs;        // vertices, deformed, world
+  std::vector<std::vector<float>> millimetres;  // displacement of each
+  std::vector<std::vector<Vec3>> instruments;   // vertices, world
 };
 
-Shot take_shot(const Model& model, const State& state, const Input& input) {
+Shot take_shot(const Scene& scene, std::span<const State> states, const Input& input) {
   Shot shot;
   shot.time = input.time;
-  for (const Wrench& w : state.wrenches) shot.force = std::max(shot.force, w.force.norm());
-  shot.vertices = drawn_vertices(model, state);
-  const std::vector<Vec3>& rest = drawn_surface(model.organ).vertices;
-  for (std::size_t i = 0; i < rest.size(); ++i)
-    shot.millimetres.push_back(static_cast<float>(1e3 * (shot.vertices[i] - state.organ * rest[i]).norm()));
-  for (std::size_t i = 0; i < model.instruments.size(); ++i) {
+  for (std::size_t i = 0; i < input.instruments.size(); ++i)
+    shot.force = std::max(shot.force, wrench_of(states, i).force.norm());
+  for (std::size_t o = 0; o < states.size(); ++o) {
+    const std::vector<Vec3>& rest = drawn_surface(scene.models[o].organ).vertices;
+    const std::vector<Vec3>& now = shot.organs.emplace_back(drawn_vertices(scene.models[o], states[o]));
+    std::vector<float>& moved = shot.millimetres.emplace_back();
+    for (std::size_t i = 0; i < rest.size(); ++i)
+      moved.push_back(static_cast<float>(1e3 * (now[i] - states[o].organ * rest[i]).norm()));
+  }
+  for (std::size_t i = 0; i < input.instruments.size(); ++i) {
     shot.instruments.emplace_back();
-    for (const Vec3& v : model.instruments[i].surface.vertices)
+    for (const Vec3& v : scene.models[0].instruments[i].surface.vertices)
       shot.instruments.back().push_back(input.instruments[i] * v);
   }
   return shot;
+}
+
+float largest(const Shot& shot) {
+  float most = 0;
+  for (const std::vector<float>& organ : shot.millimetres)
+    for (const float mm : organ) most = std::max(most, mm);
+  return most;
 }
 
 // 1, 2 or 5 times a power of ten at or above x: a legend that ends on a round number.
@@ -49,14 +60,16 @@ double round_up(double x) {
 }
 
 void draw(const Scene& scene, const std::vector<Shot>& shots, const RunOptions& options) {
-  // The organ, and of the instruments what comes near it.
+  // The organs, and of the instruments what comes near them.
   std::vector<Vec3> shown;
   Box near;
   float most = 0;
   for (const Shot& s : shots) {
-    near.add(bounding_box(s.vertices));
-    shown.insert(shown.end(), s.vertices.begin(), s.vertices.end());
-    for (const float mm : s.millimetres) most = std::max(most, mm);
+    for (const std::vector<Vec3>& organ : s.organs) {
+      near.add(bounding_box(organ));
+      shown.insert(shown.end(), organ.begin(), organ.end());
+    }
+    most = std::max(most, largest(s));
   }
   const double top = round_up(most);
   const double reach = 0.35 * near.diagonal();
@@ -69,20 +82,22 @@ void draw(const Scene& scene, const std::vector<Shot>& shots, const RunOptions& 
   Painter painter(480, 480);
   std::vector<Tile> sheet;
   for (const Shot& s : shots) {
-    std::vector<DrawnMesh> meshes(1);
-    meshes[0].vertices = s.vertices;
-    meshes[0].triangles = drawn_surface(scene.model.organ).triangles;
-    meshes[0].values = s.millimetres;
+    std::vector<DrawnMesh> meshes;
+    for (std::size_t o = 0; o < s.organs.size(); ++o) {
+      DrawnMesh mesh;
+      mesh.vertices = s.organs[o];
+      mesh.triangles = drawn_surface(scene.models[o].organ).triangles;
+      mesh.values = s.millimetres[o];
+      meshes.push_back(mesh);
+    }
     for (std::size_t i = 0; i < s.instruments.size(); ++i) {
       DrawnMesh mesh;
       mesh.vertices = s.instruments[i];
-      mesh.triangles = scene.model.instruments[i].surface.triangles;
+      mesh.triangles = scene.models[0].instruments[i].surface.triangles;
       meshes.push_back(mesh);
     }
-    const float largest =
-        s.millimetres.empty() ? 0 : *std::max_element(s.millimetres.begin(), s.millimetres.end());
     sheet.push_back({painter.draw(meshes, camera, 0, top),
-                     fmt::format("{:.2f} s   {:.1f} mm   {:.2f} N", s.time, largest, s.force)});
+                     fmt::format("{:.2f} s   {:.1f} mm   {:.2f} N", s.time, largest(s), s.force)});
   }
   write_png(options.folder / "contact_sheet.png",
             contact_sheet(sheet, 4, options.title, "displacement, mm", 0, top));
@@ -106,23 +121,24 @@ void Comparison::require_same(const std::filesystem::path& file) const {
 }
 
 RunSummary run_scene(const Scene& scene, const RunOptions& options, const Console& console) {
-  State state = make_state(scene.model);
-  Recorder recorder(options.folder, scene.model, options.every);
+  std::vector<State> states = make_states(scene.models);
+  std::vector<Input> inputs = make_inputs(scene.models);
+  Recorder recorder(options.folder, scene.models, scene.organs, options.every);
   std::vector<Shot> shots;
   Comparison compared{options.replay};
   {
     const Progress progress = console.progress("simulate");
     const double start = scene.motion.motion.times.front();
     for (std::size_t k = 0; k < scene.steps; ++k) {
-      Input input = input_at(scene.motion, start + static_cast<double>(k) * scene.dt);
-      if (options.replay) options.replay->set_input(k, input);
-      step(scene.model, state, input);
-      compared.see(k, state);
-      if (options.record) options.record->add(input, state);
-      recorder.add(k, input, state);
+      set_inputs(scene.motion, start + static_cast<double>(k) * scene.dt, inputs);
+      if (options.replay) options.replay->set_inputs(k, inputs);
+      step(scene.models, states, inputs);
+      compared.see(k, states);
+      if (options.record) options.record->add(inputs, states);
+      recorder.add(k, inputs, states);
       // The first shot half a tile in: the sheet then shows the middle of each twelfth of the run.
       if (options.pictures && k == (2 * shots.size() + 1) * scene.steps / (2 * tiles))
-        shots.push_back(take_shot(scene.model, state, input));
+        shots.push_back(take_shot(scene, states, inputs[0]));
       progress.at(static_cast<double>(k + 1) / static_cast<double>(scene.steps));
     }
   }

@@ -27,8 +27,8 @@ struct RunOptions {
 struct Comparison {
   const Recording* with = nullptr;
   std::uint64_t differs_at = ~std::uint64_t{0};  // first tick whose state differs
-  void see(std::uint64_t k, const State& state) noexcept {
-    if (with && k < differs_at && !with->agrees(k, state)) differs_at = k;
+  void see(std::uint64_t k, std::span<const State> states) noexcept {
+    if (with && k < differs_at && !with->agrees(k, states)) differs_at = k;
   }
   // Error(format) where one differs.
   void require_same(const std::filesystem::path& file) const;

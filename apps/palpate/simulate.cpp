@@ -24,18 +24,24 @@ struct Hand {
   double peak = 0;         // N
   std::uint64_t connected = 0;
 
-  void lead(Input& input, const State& state, double dt) noexcept {
+  void lead(std::span<Input> inputs, std::span<const State> states, double dt) noexcept {
     DeviceSample sample = device->read();
     sample.pose.translation += at;
     connected += sample.connected;
-    input.instruments[0] = couple(settings, coupling, sample, state.wrenches[0], dt);
+    place(inputs, 0, couple(settings, coupling, sample, wrench_of(states, 0), dt));
   }
-  void feel(const State& state) noexcept {
-    const Wrench wrench = hand_wrench(settings, coupling, state.wrenches[0]);
+  void feel(std::span<const State> states) noexcept {
+    const Wrench wrench = hand_wrench(settings, coupling, wrench_of(states, 0));
     peak = std::max(peak, wrench.force.norm());
     device->write(wrench);
   }
 };
+
+std::size_t surface_nodes(const Scene& scene) {
+  std::size_t sum = 0;
+  for (const Model& m : scene.models) sum += m.organ.surface_size();
+  return sum;
+}
 
 // The scene's motion to and fro in real time.
 void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* record,
@@ -50,7 +56,7 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   std::error_code failure;
   std::filesystem::create_directories(options.output, failure);
   AtomicFile file(options.output / "summary.json");  // opened first: a wrong path is no news after the run
-  State state = make_state(scene.model);
+  std::vector<State> states = make_states(scene.models);
   LoopReport report;
   Comparison compared{replay};
   Hand hand;
@@ -64,33 +70,33 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   {
     const Progress progress = console.progress("loop");
     std::atomic<std::uint64_t> done{0};
-    LoopHooks hooks;
-    hooks.input = [&](std::uint64_t k, const State& s, Input& input) {
+    OrgansHooks hooks;
+    hooks.input = [&](std::uint64_t k, std::span<const State> now, std::span<Input> inputs) {
       done.store(k, std::memory_order_relaxed);
       const double t = length > 0 ? std::fmod(static_cast<double>(k) * dt, 2 * length) : 0;
-      set_input(scene.motion, begin + std::min(t, 2 * length - t), input);
-      if (replay) replay->set_input(k, input);
-      if (hand.device) hand.lead(input, s, dt);
+      set_inputs(scene.motion, begin + std::min(t, 2 * length - t), inputs);
+      if (replay) replay->set_inputs(k, inputs);
+      if (hand.device) hand.lead(inputs, now, dt);
       return !(progress.interrupted && progress.interrupted->load(std::memory_order_relaxed));
     };
-    hooks.output = [&](std::uint64_t k, const Input& input, const State& s) {
-      if (hand.device) hand.feel(s);
-      compared.see(k, s);
-      if (record) record->add(input, s);
+    hooks.output = [&](std::uint64_t k, std::span<const Input> inputs, std::span<const State> now) {
+      if (hand.device) hand.feel(now);
+      compared.see(k, now);
+      if (record) record->add(inputs, now);
     };
-    hooks.frame = [&](const Surface&) {
+    hooks.frame = [&](std::span<const Surface>) {
       if (progress.report)
         progress.report(static_cast<double>(done.load(std::memory_order_relaxed)) /
                         static_cast<double>(settings.ticks));
     };
-    report = run_loop(scene.model, state, settings, hooks);
+    report = run_loop(scene.models, states, settings, hooks);
     if (progress.report) progress.report(1);
   }
   console.line(loop_table(report) + "  left in " + options.output.string());
   if (hand.device)
     console.line(fmt::format("  hand: {} connected in {} of {} ticks, felt up to {:.3g} N", options.device,
                              hand.connected, report.ticks.wall.count(), hand.peak));
-  nlohmann::ordered_json summary{{"surface_nodes", scene.model.organ.surface_size()},
+  nlohmann::ordered_json summary{{"surface_nodes", surface_nodes(scene)},
                                  {"rate_hz", options.rate},
                                  {"loop", nlohmann::ordered_json::parse(loop_json(report))}};
   if (hand.device)
@@ -108,24 +114,29 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
   const Timer timer = wall_timer();
   Scene scene = read_scene(options.scene, console.threads, console.progress("scene"));
   if (options.steps) scene.steps = options.steps;
-  const Model& model = scene.model;
+  std::size_t bytes = 0;
+  for (const Model& m : scene.models) bytes += m.organ.compliance.bytes();
+  const std::size_t instruments = scene.models[0].instruments.size();
   stage_line(console, "scene",
-             fmt::format("{} surface nodes, {} instrument(s), {} steps of {}", model.organ.surface_size(),
-                         model.instruments.size(), scene.steps, human_time(scene.dt)),
-             timer.seconds(), model.organ.compliance.bytes());
+             fmt::format("{} surface nodes{}, {} instrument(s), {} steps of {}", surface_nodes(scene),
+                         scene.models.size() > 1 ? fmt::format(" of {} organs", scene.models.size()) : "",
+                         instruments, scene.steps, human_time(scene.dt)),
+             timer.seconds(), bytes);
   if (!options.loop && !options.device.empty())
     throw Error(ErrorKind::usage, "--device {}: say --loop, too; a hand needs real time", options.device);
   Recording replay, record;
   if (!options.replay.empty()) {
     replay = Recording::read(options.replay);
-    if (replay.organ() != model.organ.hash || replay.instruments() != model.instruments.size())
+    if (!replay.made_with(scene.models))
       throw Error(ErrorKind::usage,
-                  "{}: recorded with another organ, or with {} instruments; the scene has {}",
-                  options.replay.string(), replay.instruments(), model.instruments.size());
+                  "{}: recorded with other organs than the scene's, or of another number: it has {} organ(s) "
+                  "and {} instrument(s), the scene {} and {}",
+                  options.replay.string(), replay.organs(), replay.instruments(), scene.models.size(),
+                  instruments);
     scene.steps = replay.ticks();
   }
   if (!options.record.empty())
-    record = Recording(model, options.loop && options.ticks ? options.ticks : scene.steps + 1);
+    record = Recording(scene.models, options.loop && options.ticks ? options.ticks : scene.steps + 1);
   const auto finish = [&] {
     if (!options.record.empty())
       record.write(options.record, "palpate simulate " + options.scene.filename().string());

@@ -17,7 +17,7 @@ const std::filesystem::path folder = std::filesystem::path(PALPATE_SOURCE_DIR) /
 
 struct Replay : ::testing::Test {
   Scene scene = read_scene(folder / "scene.toml");
-  const Model& model = scene.model;
+  const Model& model = scene.models[0];
   Recording recording = Recording::read(folder / "recording.h5");
   State state = make_state(model);
   Input input = input_at(scene.motion, 0);

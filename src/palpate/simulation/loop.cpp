@@ -67,21 +67,27 @@ bool go_first() noexcept {
 }
 
 struct Shared {
-  Shared(const Surface& rest) : loads(rest.loads), surfaces(rest) {}
-  TripleBuffer<Loads> loads;       // force loop to deformation
-  TripleBuffer<Surface> surfaces;  // and back
+  Shared(const std::vector<Surface>& rest) : loads(loads_of(rest)), surfaces(rest) {}
+  static std::vector<Loads> loads_of(const std::vector<Surface>& surfaces) {
+    std::vector<Loads> out;
+    for (const Surface& s : surfaces) out.push_back(s.loads);
+    return out;
+  }
+  TripleBuffer<std::vector<Loads>> loads;       // an organ each; force loop to deformation
+  TripleBuffer<std::vector<Surface>> surfaces;  // and back
   std::atomic<bool> over{false};
 };
 
-void deform_until_over(const Model& model, const LoopSettings& settings, const LoopHooks& hooks,
-                       Shared& shared, Deformer& deformer, LoopReport& report) {
+void deform_until_over(std::span<const Model> models, const LoopSettings& settings, const OrgansHooks& hooks,
+                       Shared& shared, std::span<Deformer> deformers, LoopReport& report) {
   double due = now();
   while (!shared.over.load(std::memory_order_relaxed)) {
     due = std::max(due + 1 / settings.frame_rate, now());
     sleep_until(due);
     if (!shared.loads.fetch()) continue;
     const double begun = now();
-    deformer(model.organ, shared.loads.front(), shared.surfaces.back());
+    for (std::size_t i = 0; i < models.size(); ++i)
+      deformers[i](models[i].organ, shared.loads.front()[i], shared.surfaces.back()[i]);
     if (hooks.frame) hooks.frame(shared.surfaces.back());
     shared.surfaces.publish();
     report.surface.add(now() - begun);
@@ -89,8 +95,9 @@ void deform_until_over(const Model& model, const LoopSettings& settings, const L
   }
 }
 
-void tick_until_over(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks,
-                     Shared& shared, Input& input, LoopReport& report) noexcept {
+void tick_until_over(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
+                     const OrgansHooks& hooks, Shared& shared, std::span<Input> inputs,
+                     LoopReport& report) noexcept {
   report.first_in = settings.rate > 0 && go_first();  // never one that does not sleep
   if (settings.idle_ticks > 0) {
     Pace pace(settings.rate);
@@ -106,17 +113,21 @@ void tick_until_over(const Model& model, State& state, const LoopSettings& setti
   for (std::uint64_t k = 0; settings.ticks == 0 || k < settings.ticks; ++k) {
     pace.wait();
     const Timer cpu = thread_timer();
-    if (!hooks.input(k, state, input)) break;
+    if (!hooks.input(k, states, inputs)) break;
     shared.surfaces.fetch();
-    tick(model, state, input, shared.surfaces.front());
-    shared.loads.back().copy(state.loads);
+    std::uint32_t status = status_ok;
+    std::uint64_t contacts = 0;
+    for (std::size_t i = 0; i < models.size(); ++i) {
+      tick(models[i], states[i], inputs[i], shared.surfaces.front()[i]);
+      shared.loads.back()[i].copy(states[i].loads);
+      status |= states[i].status, contacts += states[i].contacts.size();
+    }
     shared.loads.publish();
-    if (hooks.output) hooks.output(k, input, state);
+    if (hooks.output) hooks.output(k, inputs, states);
     pace.done(report.ticks, cpu.seconds());
-    if (state.status & not_converged) ++report.not_converged;
-    report.contacts_max = std::max<std::uint64_t>(report.contacts_max, state.contacts.size());
-    if (!state.contacts.empty())
-      report.contacts_mean += static_cast<double>(state.contacts.size()), ++in_contact;
+    if (status & not_converged) ++report.not_converged;
+    report.contacts_max = std::max(report.contacts_max, contacts);
+    if (contacts > 0) report.contacts_mean += static_cast<double>(contacts), ++in_contact;
   }
   report.seconds = wall.seconds();
   if (in_contact > 0) report.contacts_mean /= in_contact;
@@ -126,23 +137,42 @@ void tick_until_over(const Model& model, State& state, const LoopSettings& setti
 }  // namespace
 
 LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks) {
+  OrgansHooks all;
+  all.input = [&](std::uint64_t k, std::span<const State> states, std::span<Input> inputs) {
+    return hooks.input(k, states[0], inputs[0]);
+  };
+  if (hooks.output)
+    all.output = [&](std::uint64_t k, std::span<const Input> inputs, std::span<const State> states) {
+      hooks.output(k, inputs[0], states[0]);
+    };
+  if (hooks.frame) all.frame = [&](std::span<const Surface> surfaces) { hooks.frame(surfaces[0]); };
+  return run_loop(std::span(&model, 1), std::span(&state, 1), settings, all);
+}
+
+LoopReport run_loop(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
+                    const OrgansHooks& hooks) {
   if (!(settings.rate == 0 || (settings.rate >= 1 && settings.rate <= 4000)))
     throw Error(ErrorKind::usage, "a loop of {} ticks a second; use 1 to 4000, or 0 for as fast as they go",
                 settings.rate);
   if (!(settings.frame_rate >= 1 && settings.frame_rate <= 1000))
     throw Error(ErrorKind::usage, "{} surfaces a second; use 1 to 1000", settings.frame_rate);
-  if (model.settings.mode == Mode::imprint)
-    throw Error(ErrorKind::usage, "mode imprint changes the surface itself, which in a loop lags behind");
-  Shared shared(state.surface);
-  Deformer deformer(model.organ);
-  Input input;
-  input.instruments.resize(model.instruments.size());
+  std::vector<Surface> rest;
+  std::vector<Deformer> deformers;
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    if (models[i].settings.mode == Mode::imprint)
+      throw Error(ErrorKind::usage, "mode imprint changes the surface itself, which in a loop lags behind");
+    rest.push_back(states[i].surface);
+    deformers.emplace_back(models[i].organ);
+  }
+  Shared shared(rest);
+  std::vector<Input> inputs = make_inputs(models);
   LoopReport report;
   {
-    std::jthread deformation([&] { deform_until_over(model, settings, hooks, shared, deformer, report); });
-    std::jthread force([&] { tick_until_over(model, state, settings, hooks, shared, input, report); });
+    std::jthread deformation([&] { deform_until_over(models, settings, hooks, shared, deformers, report); });
+    std::jthread force([&] { tick_until_over(models, states, settings, hooks, shared, inputs, report); });
   }
-  deformer(model.organ, state.loads, state.surface);
+  for (std::size_t i = 0; i < models.size(); ++i)
+    deformers[i](models[i].organ, states[i].loads, states[i].surface);
   return report;
 }
 

@@ -18,7 +18,7 @@
 #include <functional>
 
 #include "palpate/base/histogram.hpp"
-#include "palpate/simulation/model.hpp"
+#include "palpate/simulation/organs.hpp"
 
 namespace palpate {
 
@@ -39,6 +39,12 @@ struct LoopHooks {
   // Deformation thread: a new surface, valid during the call. May be empty.
   std::function<void(const Surface& surface)> frame;
 };
+// The same with several organs (organs.hpp): one of each an organ. The surfaces are all of the same tick.
+struct OrgansHooks {
+  std::function<bool(std::uint64_t k, std::span<const State> states, std::span<Input> inputs)> input;
+  std::function<void(std::uint64_t k, std::span<const Input> inputs, std::span<const State> states)> output;
+  std::function<void(std::span<const Surface> surfaces)> frame;
+};
 
 struct LoopTimes {
   Histogram wall;            // s, from when the tick was due to its end: what a device sees
@@ -47,7 +53,7 @@ struct LoopTimes {
 };
 struct LoopReport {
   LoopTimes ticks, idle;
-  std::uint64_t frames = 0, not_converged = 0, contacts_max = 0;
+  std::uint64_t frames = 0, not_converged = 0, contacts_max = 0;  // in a tick, of all organs
   double contacts_mean = 0;
   double seconds = 0;     // wall, of the ticks
   Histogram surface;      // s, wall, of making one and of the frame() that takes it
@@ -57,6 +63,9 @@ struct LoopReport {
 // Blocks until the loop ends. state: from make_state, and left as after the last tick (its surface, too).
 // Throws Error(usage) for a rate out of range or Mode::imprint, whose surface cannot lag behind.
 LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks);
+// Several organs, one after another in each tick. states: from make_states.
+LoopReport run_loop(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
+                    const OrgansHooks& hooks);
 
 // "p50 0.112  p99 0.203 ..." as lines, in ms; and as an object for summaries.
 std::string loop_table(const LoopReport& report);

@@ -64,10 +64,10 @@ Pose between(const Pose& a, const Pose& b, double t) {
 }  // namespace
 
 MotionFile read_motion(const std::filesystem::path& path, const std::vector<std::string>& instruments,
-                       double unit) {
+                       double unit, const std::vector<std::string>& organs) {
   const std::string text = read_file(path);
   std::vector<std::string> bodies = instruments;
-  bodies.push_back("organ");
+  bodies.insert(bodies.end(), organs.begin(), organs.end());
   std::vector<PoseColumns> columns(bodies.size(), PoseColumns{-1, -1, -1, -1, -1, -1, -1});
   std::vector<std::string> header;
   int time_column = -1;
@@ -111,12 +111,12 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
       throw Error(ErrorKind::format, "{}:{}: time {} does not come after {}", path.string(), line_number,
                   time, file.motion.times.back());
     file.motion.times.push_back(time);
-    std::vector<Pose> poses;
-    for (const PoseColumns& c : columns)
-      poses.push_back(read_pose(row, c, unit, fmt::format("{}:{}", path.string(), line_number)));
-    file.organ.push_back(poses.back());
-    poses.pop_back();
-    file.motion.poses.push_back(std::move(poses));
+    file.motion.poses.emplace_back();
+    file.organs.emplace_back();
+    for (std::size_t b = 0; b < bodies.size(); ++b)
+      (b < instruments.size() ? file.motion.poses : file.organs)
+          .back()
+          .push_back(read_pose(row, columns[b], unit, fmt::format("{}:{}", path.string(), line_number)));
   }
   if (file.motion.times.empty())
     throw Error(ErrorKind::format, "{}: no poses; a header and at least one line are needed", path.string());
@@ -124,9 +124,9 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
 }
 
 void write_motion(const std::filesystem::path& path, const MotionFile& file,
-                  const std::vector<std::string>& instruments) {
+                  const std::vector<std::string>& instruments, const std::vector<std::string>& organs) {
   std::vector<std::string> bodies = instruments;
-  bodies.push_back("organ");
+  bodies.insert(bodies.end(), organs.begin(), organs.end());
   std::string text = "time";
   for (const std::string& b : bodies)
     for (const char* c : pose_columns) text += "," + b + "." + c;
@@ -134,7 +134,8 @@ void write_motion(const std::filesystem::path& path, const MotionFile& file,
   for (std::size_t k = 0; k < file.motion.times.size(); ++k) {
     text += fmt::format("{}", file.motion.times[k]);
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-      const Pose& p = b < instruments.size() ? file.motion.poses[k][b] : file.organ[k];
+      const Pose& p =
+          b < instruments.size() ? file.motion.poses[k][b] : file.organs[k][b - instruments.size()];
       text += fmt::format(",{},{},{},{},{},{},{}", p.translation.x(), p.translation.y(), p.translation.z(),
                           p.rotation.w(), p.rotation.x(), p.rotation.y(), p.rotation.z());
     }
@@ -145,21 +146,25 @@ void write_motion(const std::filesystem::path& path, const MotionFile& file,
   out.commit();
 }
 
-Input input_at(const MotionFile& file, double time) {
+Input input_at(const MotionFile& file, double time, std::size_t organ) {
   Input input;
   input.instruments.resize(file.motion.poses.front().size());
-  set_input(file, time, input);
+  set_input(file, time, input, organ);
   return input;
 }
 
-void set_input(const MotionFile& file, double time, Input& input) noexcept {
+void set_inputs(const MotionFile& file, double time, std::span<Input> inputs) noexcept {
+  for (std::size_t organ = 0; organ < inputs.size(); ++organ) set_input(file, time, inputs[organ], organ);
+}
+
+void set_input(const MotionFile& file, double time, Input& input, std::size_t organ) noexcept {
   const std::vector<double>& times = file.motion.times;
   const auto after =
       static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
   const std::size_t a = after == 0 ? 0 : after - 1, b = std::min(after, times.size() - 1);
   const double t = a == b ? 0 : (time - times[a]) / (times[b] - times[a]);
   input.time = time;
-  input.organ = between(file.organ[a], file.organ[b], t);
+  input.organ = between(file.organs[a][organ], file.organs[b][organ], t);
   for (std::size_t i = 0; i < std::min(input.instruments.size(), file.motion.poses[a].size()); ++i)
     input.instruments[i] = between(file.motion.poses[a][i], file.motion.poses[b][i], t);
 }

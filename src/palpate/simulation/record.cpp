@@ -12,33 +12,41 @@ namespace palpate {
 
 namespace {
 
-// The deformed organ and the instruments where they are, in the world; cell array "body": 0 the organ, then
-// the instruments.
-void write_frame(const std::filesystem::path& path, const Model& model, const Input& input,
-                 const State& state, const std::vector<Index>& drawn_of) {
-  const TriangleMesh& drawn = drawn_surface(model.organ);
-  std::vector<Vec3> points = drawn_vertices(model, state);
-  const std::size_t s = points.size();
-  std::vector<Triangle> triangles = drawn.triangles;
-  VtuField body{"body", 1, std::vector<float>(triangles.size(), 0.0f)};
-  for (std::size_t i = 0; i < model.instruments.size(); ++i) {
+// The deformed organs and the instruments where they are, in the world; cell array "body": the organs from 0
+// on, then the instruments.
+void write_frame(const std::filesystem::path& path, std::span<const Model> models, const Input& input,
+                 std::span<const State> states, const std::vector<std::vector<Index>>& drawn_of) {
+  std::vector<Vec3> points;
+  std::vector<Triangle> triangles;
+  VtuField body{"body", 1, {}}, displacement{"displacement_m", 3, {}}, force{"force_N", 3, {}};
+  float bodies = 0;
+  const auto add = [&](const std::vector<Vec3>& vertices, const std::vector<Triangle>& faces) {
     const auto offset = static_cast<Index>(points.size());
-    for (const Vec3& v : model.instruments[i].surface.vertices) points.push_back(input.instruments[i] * v);
-    for (const Triangle& t : model.instruments[i].surface.triangles)
-      triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
-    body.values.resize(triangles.size(), static_cast<float>(i + 1));
+    points.insert(points.end(), vertices.begin(), vertices.end());
+    for (const Triangle& t : faces) triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
+    body.values.resize(triangles.size(), bodies++);
+    displacement.values.resize(3 * points.size(), 0.0f);
+    force.values.resize(3 * points.size(), 0.0f);
+  };
+  for (std::size_t o = 0; o < models.size(); ++o) {
+    const TriangleMesh& drawn = drawn_surface(models[o].organ);
+    const std::size_t first = points.size();
+    add(drawn_vertices(models[o], states[o]), drawn.triangles);
+    for (std::size_t i = 0; i < drawn.vertices.size(); ++i) {
+      const Vec3 u = points[first + i] - states[o].organ * drawn.vertices[i];
+      for (std::size_t a = 0; a < 3; ++a)
+        displacement.values[3 * (first + i) + a] = static_cast<float>(u[static_cast<int>(a)]);
+    }
+    for (const Contact& c : states[o].contacts)
+      for (std::size_t a = 0; a < 3; ++a)
+        force.values[3 * (first + static_cast<std::size_t>(drawn_of[o][static_cast<std::size_t>(c.node)])) +
+                     a] += static_cast<float>(c.force[static_cast<int>(a)]);
   }
-  VtuField displacement{"displacement_m", 3, std::vector<float>(3 * points.size(), 0.0f)};
-  VtuField force{"force_N", 3, std::vector<float>(3 * points.size(), 0.0f)};
-  for (std::size_t i = 0; i < s; ++i) {
-    const Vec3 u = points[i] - state.organ * drawn.vertices[i];
-    for (std::size_t a = 0; a < 3; ++a)
-      displacement.values[3 * i + a] = static_cast<float>(u[static_cast<int>(a)]);
+  for (std::size_t i = 0; i < input.instruments.size(); ++i) {
+    std::vector<Vec3> vertices = models[0].instruments[i].surface.vertices;
+    for (Vec3& v : vertices) v = input.instruments[i] * v;
+    add(vertices, models[0].instruments[i].surface.triangles);
   }
-  for (const Contact& c : state.contacts)
-    for (std::size_t a = 0; a < 3; ++a)
-      force.values[3 * static_cast<std::size_t>(drawn_of[static_cast<std::size_t>(c.node)]) + a] +=
-          static_cast<float>(c.force[static_cast<int>(a)]);
   write_vtu(path, points, triangles, {displacement, force}, {body});
 }
 
@@ -75,54 +83,94 @@ void write_text(const std::filesystem::path& path, const std::string& text) {
 
 }  // namespace
 
-Recorder::Recorder(std::filesystem::path folder, const Model& model, std::size_t every)
-    : folder_(std::move(folder)), model_(model), drawn_of_(nearest_drawn(model.organ)), every_(every) {
+void ContactSummary::add(double time, std::span<const State> states) {
+  std::size_t contacts = 0;
+  std::uint32_t status = status_ok;
+  for (const State& s : states) {
+    contacts += s.contacts.size(), status |= s.status;
+    deepest_before = std::max(deepest_before, s.deepest_before);
+    deepest_after = std::max(deepest_after, s.deepest_after);
+  }
+  if (status & palpate::not_converged) ++not_converged;
+  contacts_max = std::max(contacts_max, contacts);
+  contacts_mean += static_cast<double>(contacts);  // a sum, until finish()
+  if (contacts > 0) ++steps_in_contact;
+  for (std::size_t i = 0; i < states[0].wrenches.size(); ++i) {
+    const Vec3 force = wrench_of(states, i).force;
+    if (force.norm() > peak_force)
+      peak_force = force.norm(), peak_direction = force.normalized(), peak_time = time;
+  }
+}
+
+Recorder::Recorder(std::filesystem::path folder, std::span<const Model> models,
+                   const std::vector<std::string>& names, std::size_t every)
+    : folder_(std::move(folder)), models_(models), every_(every) {
   std::error_code failure;
   std::filesystem::create_directories(every_ ? folder_ / "frames" : folder_, failure);
   if (failure)
     throw Error(ErrorKind::file, "{}: cannot create the folder: {}", folder_.string(), failure.message());
   forces_ = "step,time_s,contacts,deepest_before_m,deepest_after_m,relinearisations,status,step_ms";
-  for (const Instrument& i : model.instruments)
-    for (const char* c : {"fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm"})
-      forces_ += "," + i.name + "." + c;
+  const auto wrench_columns = [&](const std::string& of) {
+    for (const Instrument& i : models[0].instruments)
+      for (const char* c : {"fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm"})
+        forces_ += "," + of + i.name + "." + c;
+  };
+  wrench_columns("");
+  for (std::size_t o = 0; o < models.size(); ++o) {
+    drawn_of_.push_back(nearest_drawn(models[o].organ));
+    summary_.surface_nodes += models[o].organ.surface_size();
+    if (models.size() == 1) break;
+    forces_ += "," + names[o] + ".contacts";
+    wrench_columns(names[o] + ".");
+    summary_.organs.push_back({names[o], {}});
+    summary_.organs.back().second.surface_nodes = models[o].organ.surface_size();
+  }
   forces_ += "\n";
-  summary_.surface_nodes = model.organ.surface_size();
 }
 
-void Recorder::add(std::size_t step, const Input& input, const State& state) {
-  const double ms = 1e3 * state.times.total;
+void Recorder::add(std::size_t step, std::span<const Input> inputs, std::span<const State> states) {
+  double ms = 0, before = 0, after = 0;
+  std::size_t contacts = 0;
+  int relinearisations = 0;
+  std::uint32_t status = status_ok;
+  for (const State& s : states) {
+    ms += 1e3 * s.times.total, contacts += s.contacts.size(), relinearisations += s.relinearisations;
+    before = std::max(before, s.deepest_before), after = std::max(after, s.deepest_after);
+    status |= s.status;
+  }
   step_ms_.push_back(ms);
-  forces_ += fmt::format("{},{:.9g},{},{:.6g},{:.6g},{},{},{:.4g}", step, input.time, state.contacts.size(),
-                         state.deepest_before, state.deepest_after, state.relinearisations, state.status, ms);
-  for (const Wrench& w : state.wrenches) {
-    forces_ += fmt::format(",{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{:.7g}", w.force.x(), w.force.y(),
-                           w.force.z(), w.torque.x(), w.torque.y(), w.torque.z());
-    if (w.force.norm() > summary_.peak_force) {
-      summary_.peak_force = w.force.norm();
-      summary_.peak_direction = w.force.normalized();
-      summary_.peak_time = input.time;
+  forces_ += fmt::format("{},{:.9g},{},{:.6g},{:.6g},{},{},{:.4g}", step, inputs[0].time, contacts, before,
+                         after, relinearisations, status, ms);
+  const auto wrenches = [&](std::span<const State> of) {
+    for (std::size_t i = 0; i < of[0].wrenches.size(); ++i) {
+      const Wrench w = wrench_of(of, i);
+      forces_ += fmt::format(",{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{:.7g}", w.force.x(), w.force.y(),
+                             w.force.z(), w.torque.x(), w.torque.y(), w.torque.z());
     }
+  };
+  wrenches(states);
+  ++summary_.steps;
+  summary_.add(inputs[0].time, states);
+  for (std::size_t o = 0; o < summary_.organs.size(); ++o) {
+    forces_ += fmt::format(",{}", states[o].contacts.size());
+    wrenches(states.subspan(o, 1));
+    summary_.organs[o].second.add(inputs[0].time, states.subspan(o, 1));
   }
   forces_ += "\n";
-  ++summary_.steps;
-  if (state.status & not_converged) ++summary_.not_converged;
-  summary_.contacts_max = std::max(summary_.contacts_max, state.contacts.size());
-  if (!state.contacts.empty()) {
-    summary_.contacts_mean += static_cast<double>(state.contacts.size());
-    ++contact_steps_;
-  }
-  summary_.deepest_before = std::max(summary_.deepest_before, state.deepest_before);
-  summary_.deepest_after = std::max(summary_.deepest_after, state.deepest_after);
   if (every_ && step % every_ == 0) {
     const std::string name = fmt::format("frames/frame{:06}.vtu", step);
-    write_frame(folder_ / name, model_, input, state, drawn_of_);
+    write_frame(folder_ / name, models_, inputs[0], states, drawn_of_);
     frames_.push_back(name);
-    frame_times_.push_back(input.time);
+    frame_times_.push_back(inputs[0].time);
   }
 }
 
 RunSummary Recorder::finish() {
-  if (contact_steps_ > 0) summary_.contacts_mean /= contact_steps_;
+  const auto to_mean = [](ContactSummary& s) {
+    if (s.steps_in_contact > 0) s.contacts_mean /= static_cast<double>(s.steps_in_contact);
+  };
+  to_mean(summary_);
+  for (auto& [name, organ] : summary_.organs) to_mean(organ);
   summary_.step_ms_median = percentile(step_ms_, 0.5);
   summary_.step_ms_p99 = percentile(step_ms_, 0.99);
   summary_.step_ms_worst = percentile(step_ms_, 1.0);
@@ -154,26 +202,40 @@ std::string summary_table(const RunSummary& s) {
       fmt::format("{:.3f} / {:.3f} / {:.3f} ms", s.step_ms_median, s.step_ms_p99, s.step_ms_worst));
   row("steps a second", fmt::format("{:.0f}", s.steps_per_second));
   row("steps not converged", fmt::format("{}", s.not_converged));
+  for (const auto& [name, o] : s.organs)
+    row(name.c_str(),
+        fmt::format("{} nodes, contacts {:.0f} / {}, {:.3f} mm before, {:.2g} mm left, {:.3f} N",
+                    o.surface_nodes, o.contacts_mean, o.contacts_max, 1e3 * o.deepest_before,
+                    1e3 * o.deepest_after, o.peak_force));
   return out;
 }
 
 std::string summary_json(const RunSummary& s) {
-  const nlohmann::ordered_json json{
-      {"steps", s.steps},
-      {"surface_nodes", s.surface_nodes},
-      {"contacts_mean", s.contacts_mean},
-      {"contacts_max", s.contacts_max},
-      {"deepest_before_m", s.deepest_before},
-      {"deepest_after_m", s.deepest_after},
-      {"peak_force_N", s.peak_force},
-      {"peak_force_direction", {s.peak_direction.x(), s.peak_direction.y(), s.peak_direction.z()}},
-      {"peak_force_time_s", s.peak_time},
-      {"step_ms_median", s.step_ms_median},
-      {"step_ms_p99", s.step_ms_p99},
-      {"step_ms_worst", s.step_ms_worst},
-      {"steps_per_second", s.steps_per_second},
-      {"not_converged", s.not_converged}};
-  return json.dump(2);
+  using json = nlohmann::ordered_json;
+  const auto of_contacts = [](const ContactSummary& c) {
+    return json{{"surface_nodes", c.surface_nodes},
+                {"contacts_mean", c.contacts_mean},
+                {"contacts_max", c.contacts_max},
+                {"deepest_before_m", c.deepest_before},
+                {"deepest_after_m", c.deepest_after},
+                {"peak_force_N", c.peak_force},
+                {"peak_force_direction", {c.peak_direction.x(), c.peak_direction.y(), c.peak_direction.z()}},
+                {"peak_force_time_s", c.peak_time}};
+  };
+  json out{{"steps", s.steps}};
+  out.update(of_contacts(s));
+  out.update({{"step_ms_median", s.step_ms_median},
+              {"step_ms_p99", s.step_ms_p99},
+              {"step_ms_worst", s.step_ms_worst},
+              {"steps_per_second", s.steps_per_second},
+              {"not_converged", s.not_converged}});
+  for (const auto& [name, organ] : s.organs) {
+    json entry{{"name", name}};
+    entry.update(of_contacts(organ));
+    entry["not_converged"] = organ.not_converged;
+    out["organs"].push_back(entry);
+  }
+  return out.dump(2);
 }
 
 }  // namespace palpate

@@ -8,7 +8,7 @@ namespace palpate {
 
 namespace {
 
-constexpr int recording_version = 1;
+constexpr int recording_version = 2;  // 1: of one organ, and still written for one
 
 void put(const Pose& p, std::vector<double>& out) {
   const Eigen::Quaterniond& q = p.rotation;
@@ -17,6 +17,22 @@ void put(const Pose& p, std::vector<double>& out) {
 }
 
 Pose pose(const double* x) { return {Eigen::Quaterniond(x[3], x[4], x[5], x[6]), Vec3(x[0], x[1], x[2])}; }
+
+// One hash of several; of one its own.
+template <class T, class HashOf>
+std::uint64_t together(std::span<const T> all, const HashOf& hash_of) noexcept {
+  if (all.size() == 1) return hash_of(all[0]);
+  Hash hash;
+  for (const T& one : all) {
+    const std::uint64_t h = hash_of(one);
+    hash.add_bytes(&h, sizeof h);
+  }
+  return hash.value();
+}
+
+std::uint64_t hash_of(std::span<const Model> models) noexcept {
+  return together(models, [](const Model& model) { return model.organ.hash; });
+}
 
 }  // namespace
 
@@ -41,44 +57,60 @@ std::uint64_t state_hash(const State& state) noexcept {
   return hash.value();
 }
 
-Recording::Recording(const Model& model, std::uint64_t ticks)
-    : instruments_(model.instruments.size()), organ_(model.organ.hash) {
+std::uint64_t state_hash(std::span<const State> states) noexcept {
+  return together(states, [](const State& state) { return state_hash(state); });
+}
+
+Recording::Recording(std::span<const Model> models, std::uint64_t ticks)
+    : organs_(models.size()), instruments_(models[0].instruments.size()), organ_(hash_of(models)) {
   times_.reserve(ticks);
-  poses_.reserve(per_pose * (instruments_ + 1) * ticks);
+  poses_.reserve(per_pose * bodies() * ticks);
   hashes_.reserve(ticks / hash_every + 1);
 }
 
-bool Recording::add(const Input& input, const State& state) noexcept {
-  if (times_.size() == times_.capacity() || input.instruments.size() != instruments_) return false;
-  times_.push_back(input.time);
-  put(input.organ, poses_);
-  for (const Pose& p : input.instruments) put(p, poses_);
-  last_ = state_hash(state);
+bool Recording::made_with(std::span<const Model> models) const noexcept {
+  return models.size() == organs_ && models[0].instruments.size() == instruments_ &&
+         hash_of(models) == organ_;
+}
+
+bool Recording::add(std::span<const Input> inputs, std::span<const State> states) noexcept {
+  if (times_.size() == times_.capacity() || inputs.size() != organs_ ||
+      inputs[0].instruments.size() != instruments_)
+    return false;
+  times_.push_back(inputs[0].time);
+  for (const Input& input : inputs) put(input.organ, poses_);
+  for (const Pose& p : inputs[0].instruments) put(p, poses_);
+  last_ = state_hash(states);
   if (has_hash(times_.size() - 1)) hashes_.push_back(static_cast<std::int64_t>(last_));
   return true;
 }
 
-void Recording::set_input(std::uint64_t k, Input& input) const noexcept {
-  const double* at = poses_.data() + per_pose * (instruments_ + 1) * k;
-  input.time = times_[k];
-  input.organ = pose(at);
-  for (Pose& p : input.instruments) p = pose(at += per_pose);
+void Recording::set_inputs(std::uint64_t k, std::span<Input> inputs) const noexcept {
+  const double* const organs = poses_.data() + per_pose * bodies() * k;
+  const double* const instruments = organs + per_pose * organs_;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    inputs[i].time = times_[k];
+    inputs[i].organ = pose(organs + per_pose * i);
+    for (std::size_t j = 0; j < inputs[i].instruments.size(); ++j)
+      inputs[i].instruments[j] = pose(instruments + per_pose * j);
+  }
 }
 
-bool Recording::agrees(std::uint64_t k, const State& state) const noexcept {
-  if (k + 1 == times_.size()) return state_hash(state) == last_;
-  return !has_hash(k) || state_hash(state) == static_cast<std::uint64_t>(hashes_[k / hash_every]);
+bool Recording::agrees(std::uint64_t k, std::span<const State> states) const noexcept {
+  if (k + 1 == times_.size()) return state_hash(states) == last_;
+  return !has_hash(k) || state_hash(states) == static_cast<std::uint64_t>(hashes_[k / hash_every]);
 }
 
 void Recording::write(const std::filesystem::path& path, const std::string& provenance) const {
-  ContainerWriter out(path, "recording", recording_version);
+  ContainerWriter out(path, "recording", organs_ == 1 ? 1 : recording_version);
   out.attribute("provenance", provenance);
   out.attribute("organ_hash", static_cast<std::int64_t>(organ_));
+  if (organs_ > 1) out.attribute("organs", static_cast<std::int64_t>(organs_));
   out.attribute("instruments", static_cast<std::int64_t>(instruments_));
   out.attribute("last_hash", static_cast<std::int64_t>(last_));
   out.array<double>("time", times_, {times_.size()}, "s", "of each tick");
-  out.array<double>("poses", poses_, {times_.size(), instruments_ + 1, per_pose}, "m, 1",
-                    "position and quaternion (w x y z) of the organ and the instruments in each tick");
+  out.array<double>("poses", poses_, {times_.size(), bodies(), per_pose}, "m, 1",
+                    "position and quaternion (w x y z) of the organs and the instruments in each tick");
   out.array<std::int64_t>("hashes", hashes_, {hashes_.size()}, "",
                           "of the state after every thousandth tick; of the last: attribute last_hash");
   out.commit();
@@ -93,13 +125,15 @@ Recording Recording::read(const std::filesystem::path& path) {
   const std::int64_t instruments = in.integer("instruments");
   require(instruments >= 0 && instruments < 1000, "a strange number of instruments");
   r.instruments_ = static_cast<std::size_t>(instruments);
+  const std::int64_t organs = in.version() > 1 ? in.integer("organs") : 1;
+  require(organs > 0 && organs < 1000, "a strange number of organs");
+  r.organs_ = static_cast<std::size_t>(organs);
   r.organ_ = static_cast<std::uint64_t>(in.integer("organ_hash"));
   r.last_ = static_cast<std::uint64_t>(in.integer("last_hash"));
   r.times_ = in.vector<double>("time");
   r.poses_ = in.vector<double>("poses");
   r.hashes_ = in.vector<std::int64_t>("hashes");
-  require(r.poses_.size() == per_pose * (r.instruments_ + 1) * r.times_.size(),
-          "poses do not match the times");
+  require(r.poses_.size() == per_pose * r.bodies() * r.times_.size(), "poses do not match the times");
   require(r.hashes_.size() == r.times_.size() / hash_every, "hashes do not match the times");
   return r;
 }

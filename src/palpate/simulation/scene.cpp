@@ -110,6 +110,16 @@ class Table {
     if (!has(key) || !table_.get(key)->is_table()) fail(key, "this table is missing");
     return Table(*table_.get(key)->as_table(), file_, name_.empty() ? key : name_ + "." + key);
   }
+  // A table, or each of a list of them.
+  std::vector<Table> one_or_more(const std::string& key) {
+    const toml::array* array = has(key) ? table_.get(key)->as_array() : nullptr;
+    if (!array) return {child(key)};
+    std::vector<Table> out;
+    for (auto& [name, table] : children(key)) out.push_back(table);
+    if (out.empty()) fail(key, "this list is empty");
+    return out;
+  }
+  bool is_list(const std::string& key) const { return table_.get(key) && table_.get(key)->is_array(); }
   std::filesystem::path path(const std::string& key) { return file_.parent_path() / text(key, ""); }
   void no_other_keys() const {
     for (const auto& [key, node] : table_)
@@ -174,7 +184,8 @@ std::vector<Material> read_materials(Table& organ, const TetFile& file) {
   }
 }
 
-TetFile read_or_pad(Table& organ, double unit, const Progress& progress) {
+// listed: of [[organ]], whose name is the body's; of [organ] it is the tissue's.
+TetFile read_or_pad(Table& organ, double unit, bool listed, const Progress& progress) {
   if (organ.has("tets")) return read_tets(organ.path("tets"), unit);
   TetFile out;
   if (organ.has("kidney")) {
@@ -189,7 +200,7 @@ TetFile read_or_pad(Table& organ, double unit, const Progress& progress) {
     table.no_other_keys();
   }
   PadOptions options;
-  options.name = organ.text("name", "tissue");
+  if (!listed) options.name = organ.text("name", options.name);
   const std::string method = organ.text("method", "stuffing");
   if (method != "stuffing" && method != "delaunay") organ.fail("method", "must be stuffing or delaunay");
   options.method = method == "stuffing" ? PadMethod::stuffing : PadMethod::delaunay;
@@ -202,13 +213,13 @@ TetFile read_or_pad(Table& organ, double unit, const Progress& progress) {
   return out;
 }
 
-Organ read_organ_table(Table organ, int threads, const Progress& progress) {
+Organ read_organ_table(Table organ, bool listed, int threads, const Progress& progress) {
   Organ out;
   if (organ.has("model")) {
     out = read_organ(organ.path("model"), true, progress);
   } else {
     const double unit = unit_in_metres(organ.text("unit", "m"));
-    TetFile file = read_or_pad(organ, unit, progress);
+    TetFile file = read_or_pad(organ, unit, listed, progress);
     std::vector<Material> materials = read_materials(organ, file);
     std::vector<Anchor> anchors;
     for (const std::string& text : organ.texts("anchors")) anchors.push_back(parse_anchor(text, unit));
@@ -281,6 +292,19 @@ Instrument read_instrument(Table t, std::size_t number, int threads, const Progr
   return out;
 }
 
+// Names of the organs in the motion: "organ" for the one of an [organ]; of a list [[organ]] each its own.
+std::vector<std::string> name_organs(std::vector<Table>& organs, bool listed) {
+  std::vector<std::string> names;
+  for (Table& t : organs) {
+    const std::string name =
+        listed ? t.text("name", fmt::format("organ{}", names.size() + 1)) : std::string("organ");
+    if (std::find(names.begin(), names.end(), name) != names.end())
+      t.fail("name", fmt::format("'{}' is taken", name));
+    names.push_back(name);
+  }
+  return names;
+}
+
 // Bodies a thousand times larger or smaller than each other are a unit gone wrong.
 void require_comparable(const Table& root, const Model& model) {
   const double organ = bounding_box(model.organ.surface.vertices).diagonal();
@@ -325,32 +349,41 @@ Scene read_scene(const std::filesystem::path& path, int threads, const Progress&
   const toml::table file = parse(path);
   Table root(file, path, "");
   Scene scene;
-  if (root.has("settings")) scene.model.settings = read_settings(root.child("settings"));
+  Model model;  // without its organ
+  if (root.has("settings")) model.settings = read_settings(root.child("settings"));
   Table motion = root.child("motion");
   scene.dt = motion.quantity("dt", 0.001, time_units);
   if (!(scene.dt > 0)) motion.fail("dt", "must be above zero");
   scene.steps = static_cast<std::size_t>(motion.whole("steps", 0, 0, 1'000'000'000));
 
-  std::vector<std::string> names;
+  std::vector<Table> organs = root.one_or_more("organ");
+  const bool listed = root.is_list("organ");
+  scene.organs = name_organs(organs, listed);
+  if (organs.size() > 1 && model.settings.mode == Mode::gaussian)
+    root.fail("settings", "mode gaussian spreads a force over one organ; use another mode, or one [organ]");
+  std::vector<std::string> names, taken = scene.organs;
   for (auto& [key, table] : root.children("instrument")) {
-    scene.model.instruments.push_back(read_instrument(table, names.size() + 1, threads, progress));
-    const std::string& name = scene.model.instruments.back().name;
-    if (name == "organ" || std::find(names.begin(), names.end(), name) != names.end())
+    model.instruments.push_back(read_instrument(table, names.size() + 1, threads, progress));
+    const std::string& name = model.instruments.back().name;
+    if (std::find(taken.begin(), taken.end(), name) != taken.end())
       table.fail("name", fmt::format("'{}' is taken", name));
-    names.push_back(name);
+    names.push_back(name), taken.push_back(name);
   }
   if (names.empty()) root.fail("", "no [[instrument]]");
   const double unit = unit_in_metres(motion.text("unit", "m"));
-  scene.motion = read_motion(motion.path("file"), names, unit);
+  scene.motion = read_motion(motion.path("file"), names, unit, scene.organs);
   motion.no_other_keys();
   if (scene.steps == 0)
     scene.steps =
         static_cast<std::size_t>(std::floor(
             (scene.motion.motion.times.back() - scene.motion.motion.times.front()) / scene.dt + 1e-6)) +
         1;
-  scene.model.organ = read_organ_table(root.child("organ"), threads, progress);
+  for (const Table& organ : organs) {
+    scene.models.push_back(model);
+    scene.models.back().organ = read_organ_table(organ, listed, threads, progress);
+    require_comparable(root, scene.models.back());
+  }
   root.no_other_keys();
-  require_comparable(root, scene.model);
   return scene;
 }
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/simulation/model.hpp"
+#include "palpate/simulation/organs.hpp"
 
 namespace palpate {
 
@@ -16,21 +16,24 @@ struct Motion {
   std::vector<std::vector<Pose>> poses;  // [key][instrument]
 };
 // Header line names the columns: time, NAME.x, NAME.y, NAME.z, NAME.qw, NAME.qx, NAME.qy, NAME.qz
-// (instrument's name, or "organ"). Missing columns: fixed. Error(format) with the line.
+// (an instrument's name or an organ's). Missing columns: fixed. Error(format) with the line.
 struct MotionFile {
-  Motion motion;            // of the instruments, in the given order
-  std::vector<Pose> organ;  // one a key
+  Motion motion;                          // of the instruments, in the given order
+  std::vector<std::vector<Pose>> organs;  // [key][organ]
 };
 MotionFile read_motion(const std::filesystem::path& path, const std::vector<std::string>& instruments,
-                       double unit = 1.0);
+                       double unit = 1.0, const std::vector<std::string>& organs = {"organ"});
 void write_motion(const std::filesystem::path& path, const MotionFile& motion,
-                  const std::vector<std::string>& instruments);
-Input input_at(const MotionFile& motion, double time);
-// The same without allocating, into an input that has its instruments.
-void set_input(const MotionFile& motion, double time, Input& input) noexcept;
+                  const std::vector<std::string>& instruments,
+                  const std::vector<std::string>& organs = {"organ"});
+Input input_at(const MotionFile& motion, double time, std::size_t organ = 0);
+// The same without allocating, into an input that has its instruments; into one an organ.
+void set_input(const MotionFile& motion, double time, Input& input, std::size_t organ = 0) noexcept;
+void set_inputs(const MotionFile& motion, double time, std::span<Input> inputs) noexcept;
 
 struct Scene {
-  Model model;
+  std::vector<Model> models;        // one an organ, the same instruments in all (organs.hpp)
+  std::vector<std::string> organs;  // their names; a single [organ] is "organ"
   MotionFile motion;
   double dt = 0.001;      // s
   std::size_t steps = 0;  // to the end of the motion unless given

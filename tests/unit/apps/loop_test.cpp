@@ -50,6 +50,30 @@ TEST_F(LoopOfProgram, WhatAHandDidIsReplayedWithoutIt) {
   }
 }
 
+// In real time, by a hand, and again step by step.
+TEST_F(LoopOfProgram, AHandBetweenTwoKidneys) {
+  const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+  const auto run = [&](const std::string& options) {
+    const Ran ran = run_palpate(fmt::format("simulate '{}two_kidneys.toml' --no-pictures --every 0 -o {} {}",
+                                            scenes, in("run"), options));
+    EXPECT_EQ(ran.exit_code, 0) << ran.output;
+    return ran.output;
+  };
+  run(fmt::format("--loop --ticks 1000 --device 'loopback:{}two_kidneys.csv#tool' --record {}", scenes,
+                  in("hand.h5")));
+  EXPECT_GT(json::parse(read_file(folder / "run/summary.json"))["device"]["peak_force_N"].get<double>(), 0.1);
+  const std::string again = run("--replay " + in("hand.h5"));
+  EXPECT_NE(again.find("replayed: 1000 ticks, the same states at all 2 hashes"), std::string::npos) << again;
+  const json summary = json::parse(read_file(folder / "run/summary.json"));
+  ASSERT_EQ(summary["organs"].size(), 2u);
+  EXPECT_EQ(summary["organs"][1]["name"], "right");
+  EXPECT_GT(summary["organs"][0]["contacts_max"].get<int>(), 3);
+  EXPECT_GT(summary["organs"][1]["contacts_max"].get<int>(), 3);
+  const Ran other = (*this)("--replay " + in("hand.h5"));  // a scene of one organ
+  EXPECT_NE(other.output.find("it has 2 organ(s) and 1 instrument(s), the scene 1 and 2"), std::string::npos)
+      << other.output;
+}
+
 TEST_F(LoopOfProgram, SaysWhatDiffersAndWhatItCannotDo) {
   folder.write("scene.toml", fmt::format("[organ]\nmodel = \"{0}block.h5\"\n[[instrument]]\nname = \"bar\"\n"
                                          "sphere = 0.02\n[[instrument]]\nname = \"ball\"\nsphere = 0.02\n"

@@ -5,6 +5,7 @@
 
 #include "fixtures.hpp"
 #include "palpate/simulation/loop.hpp"
+#include "palpate/simulation/recording.hpp"
 #include "support/count_allocations.hpp"
 
 namespace palpate {
@@ -78,6 +79,44 @@ TEST(Loop, AllocatesNothing) {
     EXPECT_EQ(frame_last, frame_first) << order;
     EXPECT_GT(most, 1u);
   }
+}
+
+// Two organs, a recording, and what a haptic device does with the sum of the wrenches.
+TEST(Loop, AllocatesNothingWithTwoOrgans) {
+  if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";
+  std::vector<Model> models;
+  models.push_back(block_model(8, Sphere{0.03}));
+  models.push_back(block_model(6, Sphere{0.03}, Mode::unilateral, 2));
+  std::vector<State> states = make_states(models);
+  Recording recording(models, 200);
+  std::size_t first = 0, last = 0, frame_first = 0, frame_last = 0, both = 0, frames = 0;
+  Vec3 felt = Vec3::Zero();
+  LoopSettings settings;
+  settings.frame_rate = 500, settings.ticks = 200;
+  OrgansHooks hooks;
+  hooks.input = [&](std::uint64_t k, std::span<const State> now, std::span<Input> inputs) {
+    (k == 0 ? first : last) = thread_allocations;
+    both += !now[0].contacts.empty() && !now[1].contacts.empty();
+    felt += wrench_of(now, 0).force;
+    inputs[0].organ.translation.x() = -0.07, inputs[1].organ.translation.x() = 0.07;
+    place(inputs, 0,
+          {Eigen::Quaterniond::Identity(), Vec3(0.002, 0, 0.15 - 0.0005 * static_cast<double>(k))});
+    return true;
+  };
+  hooks.output = [&](std::uint64_t, std::span<const Input> inputs, std::span<const State> now) {
+    recording.add(inputs, now);
+  };
+  hooks.frame = [&](std::span<const Surface>) {
+    if (frames++ == 0) frame_first = thread_allocations;
+    frame_last = thread_allocations;
+  };
+  run_loop(models, states, settings, hooks);
+  EXPECT_EQ(last, first);
+  EXPECT_EQ(frame_last, frame_first);
+  EXPECT_GT(frames, 1u);
+  EXPECT_GT(felt.norm(), 0);
+  EXPECT_GT(both, 20u);
+  EXPECT_EQ(recording.ticks(), 200u);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "fixtures.hpp"
 #include "palpate/base/error.hpp"
+#include "palpate/io/tet_file.hpp"
 #include "palpate/simulation/record.hpp"
 
 namespace palpate {
@@ -48,12 +49,12 @@ TEST_F(SceneFile, RunsFromFileToFolder) {
   const Scene scene = read(good);
   EXPECT_EQ(scene.steps, 201u);
   EXPECT_EQ(scene.dt, 0.001);
-  EXPECT_EQ(std::get<Sphere>(scene.model.instruments[0].shape).radius, 0.03);
-  State state = make_state(scene.model);
-  Recorder recorder(folder_ / "out", scene.model, 100);
+  EXPECT_EQ(std::get<Sphere>(scene.models[0].instruments[0].shape).radius, 0.03);
+  State state = make_state(scene.models[0]);
+  Recorder recorder(folder_ / "out", scene.models[0], 100);
   for (std::size_t k = 0; k < scene.steps; ++k) {
     const Input input = input_at(scene.motion, 0.001 * static_cast<double>(k));
-    step(scene.model, state, input);
+    step(scene.models[0], state, input);
     recorder.add(k, input, state);
   }
   const RunSummary summary = recorder.finish();
@@ -79,14 +80,83 @@ TEST_F(SceneFile, MotionIsInterpolatedAndHeldAtItsEnds) {
   EXPECT_LT((input_at(motion, 9).instruments[0].translation - Vec3(0.01, 0, 0.14)).norm(), 1e-15);
   MotionFile turned = motion;
   turned.motion.poses[1][0].rotation = Eigen::AngleAxisd(0.8, Vec3::UnitY());
-  turned.organ[2].translation.x() = 7;
+  turned.organs[2][0].translation.x() = 7;
   write_motion(folder_ / "again.csv", turned, {"ball"});
   const MotionFile again = read_motion(folder_ / "again.csv", {"ball"});
   ASSERT_EQ(again.motion.times, turned.motion.times);
   EXPECT_LT((again.motion.poses[1][0].rotation.coeffs() - turned.motion.poses[1][0].rotation.coeffs()).norm(),
             1e-15);
-  EXPECT_EQ(again.organ[2].translation.x(), 7);
+  EXPECT_EQ(again.organs[2][0].translation.x(), 7);
   EXPECT_NEAR(Eigen::AngleAxisd(input_at(again, 0.05).instruments[0].rotation).angle(), 0.4, 1e-12);
+}
+
+const std::string two =
+    "[[organ]]\nname = \"low\"\nmodel = \"block.h5\"\n[[organ]]\nname = \"high\"\ntets = \"block.msh\"\n"
+    "order = 1\nmaterials.tissue = { young = \"20 kPa\", poisson = 0.45 }\nanchors = [\"half-space 0 0 0 0 0 "
+    "1\"]\n[[instrument]]\nname = \"ball\"\nsphere = \"30 mm\"\n[motion]\nfile = \"motion.csv\"\n";
+
+TEST_F(SceneFile, SeveralOrgansHaveNamesAndMaterialsOfTheirOwn) {
+  write_tets(folder_ / "block.msh", make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {3, 3, 3}));
+  put("motion.csv", "time,ball.z,high.z,high.qw,high.qx\n0,0.14,0.26,0,1\n0.1,0.125,0.247,0,1\n");  // head down
+  const Scene scene = read(two);
+  ASSERT_EQ(scene.models.size(), 2u);
+  EXPECT_EQ(scene.organs, (std::vector<std::string>{"low", "high"}));
+  EXPECT_EQ(scene.models[1].organ.materials[0].young, 20e3);
+  EXPECT_EQ(scene.models[0].organ.materials[0].young, 10e3);
+  std::vector<State> states = make_states(scene.models);
+  std::vector<Input> inputs = make_inputs(scene.models);
+  Recorder recorder(folder_ / "out", scene.models, scene.organs, 50);
+  for (std::size_t k = 0; k < scene.steps; ++k) {
+    set_inputs(scene.motion, 0.001 * static_cast<double>(k), inputs);
+    step(scene.models, states, inputs);
+    recorder.add(k, inputs, states);
+  }
+  EXPECT_EQ(inputs[0].organ.translation, Vec3::Zero());
+  EXPECT_NEAR(inputs[1].organ.translation.z(), 0.247, 1e-15);
+  EXPECT_EQ(inputs[0].instruments[0].translation, inputs[1].instruments[0].translation);
+  const RunSummary summary = recorder.finish();
+  ASSERT_EQ(summary.organs.size(), 2u);
+  EXPECT_EQ(summary.organs[1].first, "high");
+  EXPECT_GT(summary.organs[0].second.peak_direction.z(), 0.9);
+  EXPECT_LT(summary.organs[1].second.peak_direction.z(), -0.9);
+  EXPECT_EQ(summary.surface_nodes,
+            summary.organs[0].second.surface_nodes + summary.organs[1].second.surface_nodes);
+  // Both press: what the ball feels is the difference.
+  EXPECT_LT(summary.peak_force, summary.organs[1].second.peak_force);
+  for (const char* part : {"\"organs\"", "\"name\": \"high\""})
+    EXPECT_NE(summary_json(summary).find(part), std::string::npos);
+  std::ifstream forces(folder_ / "out" / "forces.csv");
+  std::string header, line;
+  std::getline(forces, header), std::getline(forces, line);
+  EXPECT_NE(header.find(",ball.fz_N,ball.tx_Nm,ball.ty_Nm,ball.tz_Nm,low.contacts,low.ball.fx_N"),
+            std::string::npos);
+  EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(line.begin(), line.end(), ','));
+}
+
+TEST_F(SceneFile, MistakesWithSeveralOrgans) {
+  write_tets(folder_ / "block.msh", make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {3, 3, 3}));
+  const auto replaced = [](const std::string& from, const std::string& to) {
+    std::string text = two;
+    text.replace(text.find(from), from.size(), to);
+    return text;
+  };
+  EXPECT_EQ(error(two), "none");
+  for (const auto& [text, expected] : std::vector<std::pair<std::string, std::string>>{
+           {replaced("high", "low"), "scene.toml:5: organ.name: 'low' is taken"},
+           {replaced("\"ball\"", "\"low\""), "instrument.name: 'low' is taken"},
+           {two + "[settings]\nmode = \"gaussian\"\n", "one [organ]"},
+           {replaced("order = 1", "ordre = 1"), "unknown"},
+           {"organ = []\n" + two.substr(two.find("[[instrument]]")), "organ: this list is empty"},
+           {"organ = [1]\n" + two.substr(two.find("[[instrument]]")), "must hold tables"}}) {
+    const std::string message = error(text);
+    EXPECT_NE(message.find(expected), std::string::npos) << "wanted '" << expected << "' in: " << message;
+  }
+  put("motion.csv", "time,ball.z,organ.z\n0,1,1\n");
+  EXPECT_NE(
+      error(two).find("column 'organ.z' is unknown; use time and NAME.x .y .z .qw .qx .qy .qz with NAME "
+                      "one of ball, low, high"),
+      std::string::npos)
+      << error(two);
 }
 
 TEST_F(SceneFile, EveryMistakeIsOneClearLine) {

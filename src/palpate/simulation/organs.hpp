@@ -1,0 +1,38 @@
+// Several organs under the same instruments: for each of them a Model with those instruments, a State and an
+// Input with the instruments' poses. Organs do not feel each other, and poses are given, not solved for; so
+// each organ is a simulation of its own, to the bit, and only what an instrument feels is a sum.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "palpate/simulation/model.hpp"
+
+namespace palpate {
+
+// A state an organ. Throws Error(usage) where there is no organ or the instruments are not the same in all
+// (names in their order), and what make_state throws.
+std::vector<State> make_states(std::span<const Model> models);
+// An input an organ, everything at the origin.
+std::vector<Input> make_inputs(std::span<const Model> models);
+
+// Puts an instrument to a pose, in the world, for all organs.
+inline void place(std::span<Input> inputs, std::size_t instrument, const Pose& pose) noexcept {
+  for (Input& input : inputs) input.instruments[instrument] = pose;
+}
+// A tick of each organ, and its surface. Never throws, allocates or locks.
+inline void step(std::span<const Model> models, std::span<State> states,
+                 std::span<const Input> inputs) noexcept {
+  for (std::size_t i = 0; i < models.size(); ++i) step(models[i], states[i], inputs[i]);
+}
+// What an instrument feels of all organs.
+inline Wrench wrench_of(std::span<const State> states, std::size_t instrument) noexcept {
+  Wrench sum = states[0].wrenches[instrument];
+  for (const State& state : states.subspan(1)) {
+    sum.force += state.wrenches[instrument].force;
+    sum.torque += state.wrenches[instrument].torque;
+  }
+  return sum;
+}
+
+}  // namespace palpate
