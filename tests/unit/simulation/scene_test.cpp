@@ -96,8 +96,9 @@ const std::string two =
     "1\"]\n[[instrument]]\nname = \"ball\"\nsphere = \"30 mm\"\n[motion]\nfile = \"motion.csv\"\n";
 
 TEST_F(SceneFile, SeveralOrgansHaveNamesAndMaterialsOfTheirOwn) {
-  write_tets(folder_ / "block.msh", make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {3, 3, 3}));
-  put("motion.csv", "time,ball.z,high.z,high.qw,high.qx\n0,0.14,0.26,0,1\n0.1,0.125,0.247,0,1\n");  // head down
+  write_tets(folder_ / "block.msh", make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {4, 4, 4}));
+  put("motion.csv",
+      "time,ball.z,high.z,high.qw,high.qx\n0,0.135,0.27,0,1\n0.1,0.125,0.247,0,1\n");  // head down
   const Scene scene = read(two);
   ASSERT_EQ(scene.models.size(), 2u);
   EXPECT_EQ(scene.organs, (std::vector<std::string>{"low", "high"}));
@@ -134,7 +135,7 @@ TEST_F(SceneFile, SeveralOrgansHaveNamesAndMaterialsOfTheirOwn) {
 }
 
 TEST_F(SceneFile, MistakesWithSeveralOrgans) {
-  write_tets(folder_ / "block.msh", make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {3, 3, 3}));
+  write_tets(folder_ / "block.msh", make_block({Vec3(-0.05, -0.05, 0), Vec3(0.05, 0.05, 0.1)}, {4, 4, 4}));
   const auto replaced = [](const std::string& from, const std::string& to) {
     std::string text = two;
     text.replace(text.find(from), from.size(), to);
