@@ -378,6 +378,7 @@ Scene read_scene(const std::filesystem::path& path, int threads, const Progress&
         static_cast<std::size_t>(std::floor(
             (scene.motion.motion.times.back() - scene.motion.motion.times.front()) / scene.dt + 1e-6)) +
         1;
+  scene.models.reserve(organs.size());
   for (const Table& organ : organs) {
     scene.models.push_back(model);
     scene.models.back().organ = read_organ_table(organ, listed, threads, progress);
