@@ -52,7 +52,7 @@ Pressed press(int cells, const TriangleMesh& tool) {
   for (int tick = 1; tick <= 10; ++tick) {
     input.instruments[0].translation = Vec3(0, 0, 0.13 - depth * tick / 10);
     step(model, state, input);
-    EXPECT_EQ(state.status, status_ok) << tick;
+    EXPECT_EQ(state.status & ~strain_beyond_linear, 0u) << tick;
   }
   Pressed result{std::vector<Vec3>(model.organ.mesh.nodes.size(), Vec3::Zero()), state.wrenches[0].force};
   for (std::size_t i = 0; i < model.organ.surface_size(); ++i)

@@ -80,7 +80,7 @@ Range press(Model& model, double radius) {
     const double depth = std::pow(elements / 8.0 * contact_radius, 2) / radius;
     input.instruments[0].translation = Vec3(0, 0, radius - depth);
     step(model, state, input);
-    EXPECT_EQ(state.status, status_ok);
+    EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
     const double force = state.wrenches[0].force.z(), exact = dimitriadis(material, radius, depth);
     std::printf(
         "nu %.2f, R %.0f mm, depth %.4f mm, %zu contacts: %.6f N, %+.2f %% of Hertz' and Dimitriadis'\n",

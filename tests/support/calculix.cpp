@@ -102,9 +102,18 @@ void add_tool(std::string& deck, const TetMesh& mesh, const TriangleMesh& tool) 
   fmt::format_to(out, "*SOLID SECTION, ELSET=TOOL, MATERIAL=MATERIAL1\n*SURFACE, NAME=MASTER\nTOOL,S1\n");
 }
 
+// The deck's only material: C10 = mu / 2, D1 = 2 / bulk modulus.
+void make_neo_hookean(std::string& deck, const Material& material) {
+  const std::size_t begin = deck.find("*ELASTIC\n"), end = deck.find("*DENSITY");
+  deck.replace(begin, end - begin,
+               fmt::format("*HYPERELASTIC, NEO HOOKE\n{:.12e},{:.12e}\n", material.mu() / 2,
+                           2 / (material.lambda() + 2 * material.mu() / 3)));
+}
+
 }  // namespace
 
-std::optional<StaticReference> calculix_static(const TetMesh& mesh, const ElementNodes& nodes, const std::vector<Material>& materials,
+std::optional<StaticReference> calculix_static(const TetMesh& mesh, const ElementNodes& nodes,
+                                               const std::vector<Material>& materials,
                                                const std::vector<std::uint8_t>& anchored,
                                                const std::vector<Vec3>& forces) {
   if (!has_calculix()) return std::nullopt;
@@ -119,11 +128,14 @@ std::optional<StaticReference> calculix_static(const TetMesh& mesh, const Elemen
 
 std::optional<ContactReference> calculix_contact(const TetMesh& mesh, const std::vector<Material>& materials,
                                                  const std::vector<std::uint8_t>& anchored,
-                                                 const TriangleMesh& tool, const Vec3& motion, double slope) {
+                                                 const TriangleMesh& tool, const Vec3& motion, double slope,
+                                                 Elasticity elasticity) {
   if (!has_calculix()) return std::nullopt;
   std::string deck = calculix_model(mesh, element_nodes(mesh, 1), materials, anchored);
   add_tool(deck, mesh, tool);
   const auto out = std::back_inserter(deck);
+  const char* const step = elasticity == Elasticity::linear ? "" : ", NLGEOM";
+  if (elasticity == Elasticity::neo_hooke) make_neo_hookean(deck, materials.at(0));
   fmt::format_to(out, "*NSET, NSET=SKIN\n");
   for (const Index v : boundary(mesh).nodes)
     if (!anchored[static_cast<std::size_t>(v)]) fmt::format_to(out, "{}\n", v + 1);
@@ -131,17 +143,17 @@ std::optional<ContactReference> calculix_contact(const TetMesh& mesh, const std:
                  "*SURFACE, NAME=SLAVE, TYPE=NODE\nSKIN\n*SURFACE INTERACTION, NAME=CONTACT\n"
                  "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n{:.12e}\n"
                  "*CONTACT PAIR, INTERACTION=CONTACT, TYPE=NODE TO SURFACE\nSLAVE,MASTER\n"
-                 "*STEP, INC=1000\n*STATIC\n0.1,1.\n*BOUNDARY\n",
-                 slope / 1000);
+                 "*STEP, INC=1000{}\n*STATIC\n0.1,1.\n*BOUNDARY\n",
+                 slope / 1000, step);
   for (int a = 0; a < 3; ++a) fmt::format_to(out, "TOOL,{0},{0},{1:.12e}\n", a + 1, motion[a]);
   // A stiff penalty does not converge while the tool moves: nodes chatter between facets. Once the tool has
   // arrived, each tenfold stiffening takes one or two iterations.
   for (const double s : {slope / 1000, slope / 100, slope / 10, slope}) {
     if (s != slope / 1000)
       fmt::format_to(out,
-                     "*STEP, INC=1000\n*STATIC\n1.,1.\n*CHANGE SURFACE BEHAVIOR, INTERACTION=CONTACT\n"
+                     "*STEP, INC=1000{}\n*STATIC\n1.,1.\n*CHANGE SURFACE BEHAVIOR, INTERACTION=CONTACT\n"
                      "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n{:.12e}\n",
-                     s);
+                     step, s);
     fmt::format_to(out,
                    "*NODE PRINT, NSET=NALL, FREQUENCY=1000\nU\n"
                    "*NODE PRINT, NSET=TOOL, TOTALS=ONLY, FREQUENCY=1000\nRF\n*END STEP\n");

@@ -33,9 +33,13 @@ struct ContactReference {
   Vec3 force;                      // of the mesh on the tool, N
   double seconds;                  // wall, of the whole job
 };
+// Large strains: Hooke's law between Green-Lagrange strain and second Piola-Kirchhoff stress, or a
+// compressible neo-Hookean material of the same moduli.
+enum class Elasticity { linear, saint_venant, neo_hooke };
 std::optional<ContactReference> calculix_contact(const TetMesh& mesh, const std::vector<Material>& materials,
                                                  const std::vector<std::uint8_t>& anchored,
                                                  const TriangleMesh& tool, const Vec3& motion,
-                                                 double slope = 2e10);
+                                                 double slope = 2e10,
+                                                 Elasticity elasticity = Elasticity::linear);
 
 }  // namespace palpate::test

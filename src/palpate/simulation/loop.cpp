@@ -89,6 +89,10 @@ void deform_until_over(std::span<const Model> models, const LoopSettings& settin
     for (std::size_t i = 0; i < models.size(); ++i)
       deformers[i](models[i].organ, shared.loads.front()[i], shared.surfaces.back()[i]);
     if (hooks.frame) hooks.frame(shared.surfaces.back());
+    for (const Surface& surface : shared.surfaces.back()) {
+      report.largest_strain = std::max(report.largest_strain, surface.strains.largest);
+      report.beyond_linear += surface.strains.beyond_linear();
+    }
     shared.surfaces.publish();
     report.surface.add(now() - begun);
     ++report.frames;
@@ -219,6 +223,8 @@ std::string loop_json(const LoopReport& r) {
                                 {"contacts_mean", r.contacts_mean},
                                 {"contacts_max", r.contacts_max},
                                 {"not_converged", r.not_converged},
+                                {"largest_strain", r.largest_strain},
+                                {"frames_beyond_linear", r.beyond_linear},
                                 {"sched_fifo", r.first_in}}
       .dump(2);
 }

@@ -54,6 +54,8 @@ struct LoopTimes {
 struct LoopReport {
   LoopTimes ticks, idle;
   std::uint64_t frames = 0, not_converged = 0, contacts_max = 0;  // in a tick, of all organs
+  double largest_strain = 0;                                      // of the surfaces made
+  std::uint64_t beyond_linear = 0;  // surfaces strained by more than linear_strain
   double contacts_mean = 0;
   double seconds = 0;     // wall, of the ticks
   Histogram surface;      // s, wall, of making one and of the frame() that takes it

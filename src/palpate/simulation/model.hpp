@@ -53,9 +53,11 @@ enum StatusBits : std::uint32_t {
   status_ok = 0,
   not_converged = 1,      // tolerance not reached within max_relinearisations
   too_many_contacts = 2,  // more than max_contacts
-  bad_input = 4,          // NaN or infinite pose, wrong number of poses: the tick was skipped, the state kept
+  bad_input = 4,  // a pose that is no number or 1,000 km away, wrong number of poses: the tick was skipped,
+                  // the state kept
   anchor_touched =
-      8  // an instrument reaches into anchored nodes, which cannot give way; no force comes from there
+      8,  // an instrument reaches into anchored nodes, which cannot give way; no force comes from there
+  strain_beyond_linear = 16  // a warning of step(): the surface is strained by more than linear_strain
 };
 
 struct Contact {

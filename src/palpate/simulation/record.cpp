@@ -19,6 +19,7 @@ void write_frame(const std::filesystem::path& path, std::span<const Model> model
   std::vector<Vec3> points;
   std::vector<Triangle> triangles;
   VtuField body{"body", 1, {}}, displacement{"displacement_m", 3, {}}, force{"force_N", 3, {}};
+  VtuField error{"force_error_N", 1, {}}, strain{"strain", 1, {}};
   float bodies = 0;
   const auto add = [&](const std::vector<Vec3>& vertices, const std::vector<Triangle>& faces) {
     const auto offset = static_cast<Index>(points.size());
@@ -27,6 +28,7 @@ void write_frame(const std::filesystem::path& path, std::span<const Model> model
     body.values.resize(triangles.size(), bodies++);
     displacement.values.resize(3 * points.size(), 0.0f);
     force.values.resize(3 * points.size(), 0.0f);
+    error.values.resize(points.size(), 0.0f), strain.values.resize(points.size(), 0.0f);
   };
   for (std::size_t o = 0; o < models.size(); ++o) {
     const TriangleMesh& drawn = drawn_surface(models[o].organ);
@@ -37,17 +39,26 @@ void write_frame(const std::filesystem::path& path, std::span<const Model> model
       for (std::size_t a = 0; a < 3; ++a)
         displacement.values[3 * (first + i) + a] = static_cast<float>(u[static_cast<int>(a)]);
     }
-    for (const Contact& c : states[o].contacts)
+    const Surface& surface = states[o].surface;
+    const ErrorBar bar = error_bar(models[o].organ, surface);
+    for (const Contact& c : states[o].contacts) {
+      const auto node = static_cast<std::size_t>(c.node);
+      const std::size_t v = first + static_cast<std::size_t>(drawn_of[o][node]);
       for (std::size_t a = 0; a < 3; ++a)
-        force.values[3 * (first + static_cast<std::size_t>(drawn_of[o][static_cast<std::size_t>(c.node)])) +
-                     a] += static_cast<float>(c.force[static_cast<int>(a)]);
+        force.values[3 * v + a] += static_cast<float>(c.force[static_cast<int>(a)]);
+      const Index row = models[o].organ.row_of[node];
+      error.values[v] += static_cast<float>(c.force.norm() * error_bar(bar, surface, row).total());
+      for (std::size_t i = 0; i < surface.loads.count; ++i)
+        if (surface.loads.rows[i] == row)
+          strain.values[v] = std::max(strain.values[v], surface.strains.contacts[i].largest);
+    }
   }
   for (std::size_t i = 0; i < input.instruments.size(); ++i) {
     std::vector<Vec3> vertices = models[0].instruments[i].surface.vertices;
     for (Vec3& v : vertices) v = input.instruments[i] * v;
     add(vertices, models[0].instruments[i].surface.triangles);
   }
-  write_vtu(path, points, triangles, {displacement, force}, {body});
+  write_vtu(path, points, triangles, {displacement, force, error, strain}, {body});
 }
 
 // Nearest drawn vertex of each surface node; itself where the surface is drawn.
@@ -83,14 +94,17 @@ void write_text(const std::filesystem::path& path, const std::string& text) {
 
 }  // namespace
 
-void ContactSummary::add(double time, std::span<const State> states) {
+void ContactSummary::add(double time, std::span<const State> states, const ErrorBar& bar) {
   std::size_t contacts = 0;
   std::uint32_t status = status_ok;
   for (const State& s : states) {
     contacts += s.contacts.size(), status |= s.status;
     deepest_before = std::max(deepest_before, s.deepest_before);
     deepest_after = std::max(deepest_after, s.deepest_after);
+    largest_strain = std::max(largest_strain, s.surface.strains.largest);
   }
+  if (status & strain_beyond_linear) ++beyond_linear;
+  if (bar.total() > largest_bar.total()) largest_bar = bar;
   if (status & palpate::not_converged) ++not_converged;
   contacts_max = std::max(contacts_max, contacts);
   contacts_mean += static_cast<double>(contacts);  // a sum, until finish()
@@ -98,7 +112,7 @@ void ContactSummary::add(double time, std::span<const State> states) {
   for (std::size_t i = 0; i < states[0].wrenches.size(); ++i) {
     const Vec3 force = wrench_of(states, i).force;
     if (force.norm() > peak_force)
-      peak_force = force.norm(), peak_direction = force.normalized(), peak_time = time;
+      peak_force = force.norm(), peak_direction = force.normalized(), peak_time = time, peak_bar = bar;
   }
 }
 
@@ -150,11 +164,17 @@ void Recorder::add(std::size_t step, std::span<const Input> inputs, std::span<co
   };
   wrenches(states);
   ++summary_.steps;
-  summary_.add(inputs[0].time, states);
+  ErrorBar worst;
+  std::vector<ErrorBar> bars;
+  for (std::size_t o = 0; o < states.size(); ++o) {
+    bars.push_back(error_bar(models_[o].organ, states[o].surface));
+    if (bars[o].total() >= worst.total()) worst = bars[o];
+  }
+  summary_.add(inputs[0].time, states, worst);
   for (std::size_t o = 0; o < summary_.organs.size(); ++o) {
     forces_ += fmt::format(",{}", states[o].contacts.size());
     wrenches(states.subspan(o, 1));
-    summary_.organs[o].second.add(inputs[0].time, states.subspan(o, 1));
+    summary_.organs[o].second.add(inputs[0].time, states.subspan(o, 1), bars[o]);
   }
   forces_ += "\n";
   if (every_ && step % every_ == 0) {
@@ -198,6 +218,14 @@ std::string summary_table(const RunSummary& s) {
   row("peak force",
       fmt::format("{:.3f} N along ({:+.2f} {:+.2f} {:+.2f}) at {:.3f} s", s.peak_force, s.peak_direction.x(),
                   s.peak_direction.y(), s.peak_direction.z(), s.peak_time));
+  const ErrorBar& bar = s.peak_bar;
+  row("its error bar",
+      fmt::format("{:.2g} %: elements {}, few nodes {:.2g} %, compression {:.2g} %, linearity {:.2g} %",
+                  100 * bar.total(),
+                  bar.discretisation_known ? fmt::format("{:.2g} %", 100 * bar.discretisation) : "not known",
+                  100 * bar.resolution, 100 * bar.compression, 100 * bar.linearity));
+  row("largest strain", fmt::format("{:.2g} %; above {:.0f} %, where it is no longer linear, in {} steps",
+                                    100 * s.largest_strain, 100 * linear_strain, s.beyond_linear));
   row("step, median / p99 / worst",
       fmt::format("{:.3f} / {:.3f} / {:.3f} ms", s.step_ms_median, s.step_ms_p99, s.step_ms_worst));
   row("steps a second", fmt::format("{:.0f}", s.steps_per_second));
@@ -212,7 +240,14 @@ std::string summary_table(const RunSummary& s) {
 
 std::string summary_json(const RunSummary& s) {
   using json = nlohmann::ordered_json;
-  const auto of_contacts = [](const ContactSummary& c) {
+  const auto of_bar = [](const ErrorBar& b) {
+    return json{{"discretisation", b.discretisation_known ? json(b.discretisation) : json(nullptr)},
+                {"resolution", b.resolution},
+                {"compression", b.compression},
+                {"linearity", b.linearity},
+                {"total", b.total()}};
+  };
+  const auto of_contacts = [&](const ContactSummary& c) {
     return json{{"surface_nodes", c.surface_nodes},
                 {"contacts_mean", c.contacts_mean},
                 {"contacts_max", c.contacts_max},
@@ -220,7 +255,12 @@ std::string summary_json(const RunSummary& s) {
                 {"deepest_after_m", c.deepest_after},
                 {"peak_force_N", c.peak_force},
                 {"peak_force_direction", {c.peak_direction.x(), c.peak_direction.y(), c.peak_direction.z()}},
-                {"peak_force_time_s", c.peak_time}};
+                {"peak_force_time_s", c.peak_time},
+                {"peak_force_error", of_bar(c.peak_bar)},
+                {"peak_force_error_N", c.peak_bar.total() * c.peak_force},
+                {"largest_error", of_bar(c.largest_bar)},
+                {"largest_strain", c.largest_strain},
+                {"strain_beyond_linear", c.beyond_linear}};
   };
   json out{{"steps", s.steps}};
   out.update(of_contacts(s));

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/simulation/error_bars.hpp"
 #include "palpate/simulation/organs.hpp"
 
 namespace palpate {
@@ -18,10 +19,14 @@ struct ContactSummary {
   double peak_force = 0;                         // N
   Vec3 peak_direction = Vec3::Zero();            // unit, of the force on the instrument
   double peak_time = 0;                          // s
+  ErrorBar peak_bar, largest_bar;                // at the peak force; the one with the largest total.
+                                                 // Of all organs: the largest of theirs
+  double largest_strain = 0;                     // principal, where the surface is touched
+  std::size_t beyond_linear = 0;                 // steps with status strain_beyond_linear
   std::size_t steps_in_contact = 0;
 
-  // A step's states, of one organ or of all.
-  void add(double time, std::span<const State> states);
+  // A step's states, of one organ or of all; bar: of the force, or the largest of theirs.
+  void add(double time, std::span<const State> states, const ErrorBar& bar);
 };
 
 struct RunSummary : ContactSummary {

@@ -38,7 +38,8 @@ std::uint64_t hash_of(std::span<const Model> models) noexcept {
 
 std::uint64_t state_hash(const State& state) noexcept {
   Hash hash;
-  hash.add_bytes(&state.status, sizeof state.status);
+  const std::uint32_t status = state.status & ~std::uint32_t{strain_beyond_linear};  // the surface's
+  hash.add_bytes(&status, sizeof status);
   for (const Contact& c : state.contacts) {
     hash.add_bytes(&c.node, sizeof c.node);
     hash.add_bytes(&c.instrument, sizeof c.instrument);

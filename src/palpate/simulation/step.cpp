@@ -115,14 +115,15 @@ State make_state(const Model& model) {
 
 namespace {
 
-bool finite(const Pose& p) {
-  return p.translation.allFinite() && p.rotation.coeffs().allFinite() &&
+// Nothing is 1,000 km away; beyond, float32 would overflow before float64 does.
+bool sensible(const Pose& p) {
+  return p.translation.squaredNorm() < 1e12 && p.rotation.coeffs().allFinite() &&
          std::abs(p.rotation.norm() - 1) < 1e-3;
 }
 
 bool valid(const Model& model, const Input& input) {
-  bool ok = input.instruments.size() == model.instruments.size() && finite(input.organ);
-  for (const Pose& p : input.instruments) ok = ok && finite(p);
+  bool ok = input.instruments.size() == model.instruments.size() && sensible(input.organ);
+  for (const Pose& p : input.instruments) ok = ok && sensible(p);
   return ok;
 }
 
@@ -160,6 +161,12 @@ void forget_points(const Model& model, StepScratch& w) {
   w.points.clear();
 }
 
+bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {  // of its node's points
+  for (Index other = 0; other < c.instrument; ++other)
+    if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0) return false;
+  return true;
+}
+
 // Gives slots in the contact block to the loads (while nodes are looked for) or to the points (when these are
 // solved for), and to what is near while there is room.
 enum class For { loads, points };
@@ -172,7 +179,8 @@ void hold(const Model& model, State& state, For what) {
   if (what == For::loads)
     for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
   else
-    for (const ContactPoint& c : w.points) want(c.row);
+    for (const ContactPoint& c : w.points)
+      if (is_first(model, w, c)) want(c.row);  // no room for twice the same
   for (const Index node : w.near) want(model.organ.row_of[at(node)]);
   w.block.require(w.compliance_of(model), w.wanted, w.slots);
   for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
@@ -291,12 +299,11 @@ void take_loads(const Model& model, State& state) {
     w.u[at(c.node)] = c.u, w.u_number[at(c.node)] = loads.number;
     if (c.force == Vec3::Zero()) continue;
     std::size_t i = loads.count;
-    for (Index other = 0; other < c.instrument; ++other)
-      if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0)
-        i = static_cast<std::size_t>(std::find(loads.rows.begin(),
-                                               loads.rows.begin() + static_cast<std::ptrdiff_t>(loads.count),
-                                               c.row) -
-                                     loads.rows.begin());
+    if (!is_first(model, w, c))
+      i = static_cast<std::size_t>(std::find(loads.rows.begin(),
+                                             loads.rows.begin() + static_cast<std::ptrdiff_t>(loads.count),
+                                             c.row) -
+                                   loads.rows.begin());
     if (i == loads.count) loads.rows[loads.count] = c.row, loads.forces[loads.count++].setZero();
     loads.forces[i] += c.force, loads.u[i] = c.u;
   }
@@ -387,8 +394,9 @@ void gaussian(const Model& model, State& state) {
       c.force_in_organ = force, c.force = state.organ.rotation * force;
       state.contacts.push_back(c);
     }
-    state.wrenches[i] = {state.organ.rotation * Vec3(-model.settings.gaussian_force * direction),
-                         Vec3::Zero()};
+    state.wrenches[i] = {};
+    if (sum > 0)
+      state.wrenches[i].force = state.organ.rotation * Vec3(-model.settings.gaussian_force * direction);
   }
 }
 
@@ -485,6 +493,7 @@ void step(const Model& model, State& state, const Input& input) noexcept {
   if (state.status & bad_input || model.settings.mode == Mode::imprint) return;
   const Timer timer = wall_timer();
   state.scratch->deformer(model.organ, state.loads, state.surface);
+  if (state.surface.strains.beyond_linear()) state.status |= strain_beyond_linear;
   state.times.deform = timer.seconds();
   state.times.total += state.times.deform;
 }

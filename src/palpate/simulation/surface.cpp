@@ -37,6 +37,7 @@ Surface make_surface(const Organ& organ) {
   surface.displacement.assign(s, Vec3f::Zero());
   surface.reading = surface.displacement;
   surface.positions = organ.contact_points;
+  surface.strains.contacts.resize(s);
   surface.clusters = std::make_shared<const Clusters>(organ.contact_points, organ.node_of_row, 32, softness);
   surface.bounds = ClusterBounds(*surface.clusters);
   surface.bounds.update(*surface.clusters, surface.positions);
@@ -45,6 +46,7 @@ Surface make_surface(const Organ& organ) {
 
 Deformer::Deformer(const Organ& organ)
     : compliance_(organ.compliance.with_work()),
+      gauge_(organ),
       forces_(3 * organ.surface_size()),
       u_(3 * organ.compliance.nodes()),
       means_(organ.projection.rows(), Eigen::Vector4f::Zero()),
@@ -77,6 +79,7 @@ void Deformer::operator()(const Organ& organ, const Loads& loads, Surface& surfa
   }
   surface.bounds.update(*surface.clusters, surface.positions);
   surface.loads.copy(loads);
+  gauge_(organ, loads, surface.displacement, surface.strains);
 }
 
 }  // namespace palpate

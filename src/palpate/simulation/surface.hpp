@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/contact/clusters.hpp"
-#include "palpate/simulation/organ.hpp"
+#include "palpate/simulation/strain.hpp"
 
 namespace palpate {
 
@@ -33,6 +33,7 @@ struct Surface {
   std::vector<Vec3f> displacement;  // of the surface nodes from rest, m: what is drawn
   std::vector<Vec3f> reading;       // of its contact points, m; of linear tetrahedra the same
   std::vector<Vec3> positions;      // of the contact points, m
+  Strains strains;                  // where the loads act
   ClusterBounds bounds;             // of the free ones, in `clusters`
   std::shared_ptr<const Clusters> clusters;
 };
@@ -49,6 +50,7 @@ class Deformer {
 
  private:
   Compliance compliance_;  // the organ's, with work space
+  StrainGauge gauge_;
   std::vector<float> forces_, u_;
   std::vector<Eigen::Vector4f> means_, drawn_, work_;  // for the projection onto the surface nodes
 };

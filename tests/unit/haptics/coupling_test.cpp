@@ -175,7 +175,7 @@ TEST(Coupling, SlowCycleOnAnOrganIsDissipative) {
           device.sample.pose.translation = Vec3(0.001, 0.002, z);
           const double force = loop.tick(device).force.z();
           most = std::max(most, force);
-          EXPECT_EQ(loop.state.status, status_ok);
+          EXPECT_EQ(loop.state.status & ~strain_beyond_linear, 0u);
           return force;
         },
         0.111, 0.009, 1.8);

@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 void expect_same(const State& a, const State& b, int k) {
-  ASSERT_EQ(a.status, b.status) << k;
+  ASSERT_EQ(a.status & ~strain_beyond_linear, b.status & ~strain_beyond_linear) << k;  // a tick has none
   ASSERT_EQ(a.contacts.size(), b.contacts.size()) << k;
   for (std::size_t i = 0; i < a.contacts.size(); ++i) {
     ASSERT_EQ(a.contacts[i].node, b.contacts[i].node) << k;
