@@ -394,9 +394,8 @@ void gaussian(const Model& model, State& state) {
       c.force_in_organ = force, c.force = state.organ.rotation * force;
       state.contacts.push_back(c);
     }
-    state.wrenches[i] = {};
-    if (sum > 0)
-      state.wrenches[i].force = state.organ.rotation * Vec3(-model.settings.gaussian_force * direction);
+    const double given = sum > 0 ? model.settings.gaussian_force : 0;
+    state.wrenches[i] = {state.organ.rotation * Vec3(-given * direction), {0, 0, 0}};
   }
 }
 
