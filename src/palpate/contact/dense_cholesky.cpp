@@ -69,4 +69,10 @@ PALPATE_CLONES void add_rows(const float* a, std::size_t cols, std::size_t ld, c
               static_cast<double>(z[i]) * w[2];
 }
 
+PALPATE_CLONES void add_rows(const float* a, std::size_t cols, std::size_t ld, const float* w,
+                             float* out) noexcept {
+  const float *x = a, *y = a + ld, *z = a + 2 * ld;
+  for (std::size_t i = 0; i < cols; ++i) out[i] += (x[i] * w[0] + y[i] * w[1]) + z[i] * w[2];
+}
+
 }  // namespace palpate

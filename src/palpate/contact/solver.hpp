@@ -96,8 +96,13 @@ class ContactSolver {
   void partial(std::span<const ContactPoint> points, double share) noexcept;
   void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
                History& history) noexcept;
-  double sweep_friction(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
-                        double enough) noexcept;
+  void own_compliance(const ContactBlock& block, std::size_t i, const ContactPoint& c) noexcept;
+  void linearise_gap(const ContactBlock& block, std::span<const PlacedShape> shapes, ContactPoint& c,
+                     std::size_t i, bool first) noexcept;
+  void add_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
+  Vec3 reached_by(const ContactPoint& c, std::size_t i) const noexcept;
+  int press(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  double rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
   void linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
   void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
@@ -107,10 +112,10 @@ class ContactSolver {
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
   std::vector<double> along_;           // 3 slots
-  std::vector<Vec3> friction_;          // of each point, tangential, N
+  std::vector<float> moved_;            // u of all slots by the change of force_ since linearised, m
   std::vector<Mat3> stiffness_;         // of each point along the surface, N/m
+  std::vector<double> gap_;             // of each point without pressure, m
   std::vector<std::uint8_t> factored_;  // active set that factor_ is of
-  std::vector<double> gap_, moved_;     // gap of each point without pressure, m; u of all slots, m
   std::vector<double> reached_;         // gap of each point at u_, m
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;
