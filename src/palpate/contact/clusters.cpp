@@ -6,7 +6,7 @@
 namespace palpate {
 
 PlacedShape::PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept
-    : shape(&s), to_organ(shape_to_organ), to_shape(shape_to_organ.inverse()) {
+    : shape(&s), to_organ(shape_to_organ), to_shape(shape_to_organ.inverse()), finest(palpate::finest(s)) {
   const Box own = bounding_box(s);
   if (!own.min.allFinite() || !own.max.allFinite()) {
     box = {Vec3::Constant(-std::numeric_limits<double>::infinity()),

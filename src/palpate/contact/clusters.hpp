@@ -15,7 +15,8 @@ namespace palpate {
 struct PlacedShape {
   const Shape* shape = nullptr;
   Pose to_organ, to_shape;
-  Box box;  // of the solid, organ frame; infinite for a half-space
+  Box box;            // of the solid, organ frame; infinite for a half-space
+  double finest = 0;  // palpate::finest(shape), m
 
   PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept;
   double distance(const Vec3& p) const noexcept { return palpate::distance(*shape, to_shape * p); }

@@ -40,8 +40,7 @@ void ContactSolver::own_compliance(const ContactBlock& block, std::size_t i, con
 // The gap and normal of a point where it is, and its friction along the surface there.
 void ContactSolver::linearise_gap(const ContactBlock& block, std::span<const PlacedShape> shapes,
                                   ContactPoint& c, std::size_t i, bool first) noexcept {
-  const Gap g = gap_of(shapes, c, c.u);
-  c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
+  relinearise(shapes, c);
   if (first && c.gap < 0) active_[i] = 1;
   if (c.held) own_compliance(block, i, c);
   const Vec3 friction = force_[i] - c.normal.dot(force_[i]) * c.normal;

@@ -59,6 +59,17 @@ struct BoxOf {
   }
 };
 
+struct FinestOf {
+  double operator()(const Sphere& s) const { return s.radius; }
+  double operator()(const Capsule& c) const { return c.radius; }
+  double operator()(const Cuboid& c) const { return c.half.minCoeff(); }
+  double operator()(const HalfSpace&) const { return std::numeric_limits<double>::infinity(); }
+  template <class AnyLattice>
+  double operator()(const std::shared_ptr<const AnyLattice>& lattice) const {
+    return lattice->grid().h;
+  }
+};
+
 // A capsule is a sphere whose halves are pulled apart.
 TriangleMesh capsule_surface(const Capsule& c) {
   TriangleMesh mesh = make_sphere(Vec3::Zero(), c.radius, 24, 32);
@@ -82,6 +93,8 @@ bool is_empty(const Shape& shape) noexcept {
 double distance(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape).distance; }
 
 Gap gap(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape); }
+
+double finest(const Shape& shape) noexcept { return std::visit(FinestOf{}, shape); }
 
 Box bounding_box(const Shape& shape) noexcept { return std::visit(BoxOf{}, shape); }
 

@@ -34,6 +34,9 @@ struct Gap {
 
 double distance(const Shape& shape, const Vec3& p) noexcept;
 Gap gap(const Shape& shape, const Vec3& p) noexcept;
+// Half the thickness of the thinnest part that is told apart, m: a way shorter than this goes through
+// nothing. Of a lattice its spacing, infinite for a half-space.
+double finest(const Shape& shape) noexcept;
 // Box about the solid, infinite for a half-space along x, y and -z.
 Box bounding_box(const Shape& shape) noexcept;
 // For drawing and for checks: triangles of a primitive (half-space: a square of 0.2 m).

@@ -197,8 +197,7 @@ SolveResult ContactSolver::unilateral(const ContactBlock& block, std::span<const
   while (result.relinearisations < limits.max_relinearisations && !result.converged) {
     for (std::size_t i = 0; i < m; ++i) {
       ContactPoint& c = points[i];
-      const Gap g = gap_of(shapes, c, c.u);
-      c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
+      relinearise(shapes, c);
       if (result.relinearisations == 0 && c.gap < 0) active_[i] = 1;
     }
     ++result.relinearisations;

@@ -11,6 +11,7 @@
 #include "palpate/contact/clusters.hpp"
 #include "palpate/contact/complementarity.hpp"
 #include "palpate/contact/contact_block.hpp"
+#include "palpate/contact/path.hpp"
 
 namespace palpate {
 
@@ -31,15 +32,22 @@ struct ContactPoint {
   bool held = false;
   Vec3 reference = Vec3::Zero();
   bool sticks = false;  // out: friction below its limit
+  Path path;            // of this tick: how it comes to where it is
 };
 
-// From the point, displaced by u, to its instrument.
+// From the point, displaced by u, to its instrument, by its path.
 inline Gap gap_of(std::span<const PlacedShape> shapes, const ContactPoint& c, const Vec3& u) noexcept {
-  return shapes[static_cast<std::size_t>(c.instrument)].gap(c.rest + u);
+  return gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u);
 }
 inline double distance_of(std::span<const PlacedShape> shapes, const ContactPoint& c,
                           const Vec3& u) noexcept {
-  return shapes[static_cast<std::size_t>(c.instrument)].distance(c.rest + u);
+  return gap_of(shapes, c, u).distance;
+}
+
+// Moves the point's path to where it is now, and takes gap and normal there.
+inline void relinearise(std::span<const PlacedShape> shapes, ContactPoint& c) noexcept {
+  const Gap g = gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + c.u, &c.path);
+  c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
 }
 
 struct SolverLimits {

@@ -66,8 +66,10 @@ struct Contact {
   Vec3 force = Vec3::Zero();           // on the organ, N, world
   Vec3 force_in_organ = Vec3::Zero();  // the same in the organ's frame
   Vec3 touched = Vec3::Zero();  // where on the instrument it sticks or last slipped to, instrument frame, m
-  double gap_before = 0;        // m, of the node at rest: minus the penetration depth
-  double gap_after = 0;         // m, after the solve
+  Vec3 from =
+      Vec3::Zero();       // where on the instrument it is, or if inside where it came in, instrument frame, m
+  double gap_before = 0;  // m, of the node at rest: minus the penetration depth
+  double gap_after = 0;   // m, after the solve
 };
 
 struct Wrench {
@@ -96,9 +98,15 @@ struct State {
   int relinearisations = 0;
   std::uint32_t status = status_ok;
   Pose organ;  // of the last tick's input
+  // The instruments in the organ's frame in the last tick, from where the next one follows them; empty before
+  // the first. An instrument that moves against the organ by more than a quarter of its size (largest_motion)
+  // in one tick is put there: nothing was on its way.
+  std::vector<Pose> placed;
   StepTimes times;
   std::unique_ptr<StepScratch, DeleteScratch> scratch;
 };
+
+constexpr double largest_motion = 0.25;  // in a tick, of the diagonal of the organ's box
 
 // Throws Error(usage | resource).
 State make_state(const Model& model);

@@ -28,6 +28,13 @@ constexpr double hidden = 1e-6;
 
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
+// An instrument's motion against the organ since the last tick.
+struct Sweep {
+  Pose last;           // from the organ's frame to its own then
+  bool known = false;  // otherwise it was put where it is
+  double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
+};
+
 }  // namespace
 
 struct StepScratch {
@@ -52,6 +59,9 @@ struct StepScratch {
   Clusters anchored;  // nodes that cannot move
   ClusterBounds rest_bounds, anchored_bounds;
   std::vector<PlacedShape> shapes;            // instruments in the organ's frame
+  std::vector<Sweep> sweeps;                  // how each came there
+  Loads before;                               // of the last tick
+  std::vector<Index> before_slots;            // of its rows
   std::vector<ContactPoint> points;           // may touch in this tick
   std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
   std::vector<Index> candidates;              // nodes that may be near an instrument
@@ -62,6 +72,8 @@ struct StepScratch {
   std::vector<std::uint64_t> u_number;        // of each node
   std::vector<Index> loaded;                  // slots of state.loads
   std::vector<float> compliance_rows;         // of a node without a slot
+  std::vector<float> softness;                // of each node: Clusters::softness
+  double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
   double size = 0, tolerance = 0, reach = 0;  // m
 };
 
@@ -95,6 +107,10 @@ State make_state(const Model& model) {
   w.anchored_bounds.update(w.anchored, organ.contact_points);
   w.rest_bounds = state.surface.bounds;
   w.shapes.reserve(instruments);
+  w.sweeps.resize(instruments);
+  w.before = Loads(s);
+  w.before_slots.resize(s);
+  state.placed.reserve(instruments);
   w.points.reserve(capacity);
   w.point_of.assign(s * instruments, -1);
   w.candidates.reserve(s);
@@ -109,6 +125,9 @@ State make_state(const Model& model) {
   w.tolerance = model.settings.tolerance * w.size;
   double area = 0;
   for (const double a : organ.areas) area += a;
+  w.softness.assign(s, 0.0f);
+  for (std::size_t i = 0; i < state.surface.clusters->nodes.size(); ++i)
+    w.softness[at(state.surface.clusters->nodes[i])] = state.surface.clusters->softness[i];
   w.reach = 0.25 * std::sqrt(area / static_cast<double>(s));
   return state;
 }
@@ -132,16 +151,40 @@ Pose normalized(Pose p) {
   return p;
 }
 
-void place(const Model& model, StepScratch& w, const Input& input) {
-  const Pose to_organ = normalized(input.organ).inverse();
-  w.shapes.clear();
-  for (std::size_t i = 0; i < model.instruments.size(); ++i)
-    w.shapes.emplace_back(model.instruments[i].shape, to_organ * normalized(input.instruments[i]));
+// The largest way of a corner of the shape's box since it was at `last`.
+double motion(const Shape& shape, const Pose& last, const Pose& now) {
+  const Box box = bounding_box(shape);
+  double most = 0;
+  for (int corner = 0; corner < 8 && box.max.allFinite() && box.min.allFinite(); ++corner) {
+    const Vec3 p(corner & 1 ? box.max.x() : box.min.x(), corner & 2 ? box.max.y() : box.min.y(),
+                 corner & 4 ? box.max.z() : box.min.z());
+    most = std::max(most, (now * p - last * p).norm());
+  }
+  return most;
 }
 
-// Adds a node once an instrument; false when there is no room.
+void place(const Model& model, State& state, const Input& input) {
+  StepScratch& w = *state.scratch;
+  const Pose to_organ = normalized(input.organ).inverse();
+  const bool has_last = state.placed.size() == model.instruments.size() && state.loads.u_known;
+  w.shapes.clear();
+  for (std::size_t i = 0; i < model.instruments.size(); ++i) {
+    const Shape& shape = model.instruments[i].shape;
+    w.shapes.emplace_back(shape, to_organ * normalized(input.instruments[i]));
+    w.sweeps[i] = {};
+    if (!has_last) continue;
+    const double moved = motion(shape, state.placed[i], w.shapes[i].to_organ);
+    if (moved > largest_motion * w.size) continue;
+    w.sweeps[i] = {state.placed[i].inverse(), true, moved > 0.5 * w.shapes[i].finest ? moved : 0.0};
+  }
+  state.placed.clear();
+  for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
+  w.before.copy(state.loads);
+}
+
+// Adds a node once an instrument; false when there is no room. u: now; path: how it came there.
 bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
-               const Vec3& force = Vec3::Zero()) {
+               const Path& path, const Vec3& force = Vec3::Zero()) {
   Index& place = w.point_of[instrument * model.organ.surface_size() + at(node)];
   if (place >= 0) return true;
   if (w.points.size() >= w.capacity) return false;
@@ -150,6 +193,7 @@ bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instr
   c.node = node, c.row = model.organ.row_of[at(node)], c.instrument = static_cast<Index>(instrument);
   c.rest = model.organ.contact_points[at(node)];
   c.u = u;
+  c.path = path;
   c.force = force;
   w.points.push_back(c);
   return true;
@@ -184,6 +228,7 @@ void hold(const Model& model, State& state, For what) {
   for (const Index node : w.near) want(model.organ.row_of[at(node)]);
   w.block.require(w.compliance_of(model), w.wanted, w.slots);
   for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
+  for (std::size_t i = 0; i < w.before.count; ++i) w.before_slots[i] = w.block.slot_of(w.before.rows[i]);
   for (ContactPoint& c : w.points) c.slot = w.block.slot_of(c.row);
 }
 
@@ -192,19 +237,17 @@ void forget_near(StepScratch& w) {
   w.near.clear();
 }
 
-// Displacement of a node under state.loads, in float64; the loads have slots.
-const Vec3& displacement(const Model& model, State& state, Index node) {
-  StepScratch& w = *state.scratch;
-  const Loads& loads = state.loads;
-  Vec3& u = w.u[at(node)];
-  if (w.u_number[at(node)] == loads.number) return u;
-  w.u_number[at(node)] = loads.number;
+// Displacement of a node under loads, whose slots are given, in float64.
+Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& loads,
+                  std::span<const Index> slots) {
   const std::size_t n = loads.count;
   const Index row = model.organ.row_of[at(node)];
-  if (const Index slot = w.block.slot_of(row); slot >= 0)
-    return u = w.block.displacement(slot, {w.loaded.data(), n}, {loads.forces.data(), n});
+  const Index slot = w.block.slot_of(row);
+  if (slot >= 0 && std::find(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n), -1) ==
+                       slots.begin() + static_cast<std::ptrdiff_t>(n))
+    return w.block.displacement(slot, slots.first(n), {loads.forces.data(), n});
   w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
-  u.setZero();
+  Vec3 u = Vec3::Zero();
   const float* c = w.compliance_rows.data();
   for (std::size_t k = 0; k < n; ++k)
     for (std::size_t r = 0; r < 3; ++r) {
@@ -214,6 +257,26 @@ const Vec3& displacement(const Model& model, State& state, Index node) {
                                 static_cast<double>(e[2]) * f[2];
     }
   return u;
+}
+
+// Under state.loads, which have slots.
+const Vec3& displacement(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  Vec3& u = w.u[at(node)];
+  if (w.u_number[at(node)] == state.loads.number) return u;
+  w.u_number[at(node)] = state.loads.number;
+  return u = displacement(model, w, node, state.loads, w.loaded);
+}
+
+// How the node came near the shape: where it was in the last tick.
+Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
+  StepScratch& w = *state.scratch;
+  const Sweep& sweep = w.sweeps[shape];
+  if (!sweep.known) return {};
+  const Vec3 u = state.loads.number == w.before.number
+                     ? displacement(model, state, node)
+                     : displacement(model, w, node, w.before, w.before_slots);
+  return path_from(w.shapes[shape], sweep.last * Vec3(model.organ.contact_points[at(node)] + u));
 }
 
 // sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
@@ -227,15 +290,32 @@ double drift(const Model& model, State& state, const Surface& surface) {
   return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
 }
 
-// Calls found(node, distance, u) for every free node nearer to the shape than `reach` under state.loads.
+// Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
+// on its way through this tick.
+bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
+              double near, double drifted) {
+  const double clearance =
+      near + static_cast<double>(w.softness[at(node)]) * std::max(drifted, w.drifted_before);
+  if (d <= clearance) return true;
+  const Vec3& p = surface.positions[at(node)];
+  const PlacedShape& shape = w.shapes[instrument];
+  return passes(*shape.shape, w.sweeps[instrument].last * p, shape.to_shape * p, clearance);
+}
+
+// Calls found(node, distance, u) for every free node nearer to the shape than `reach` under state.loads, or
+// that the shape passed through.
 template <class Found>
-void near_now(const Model& model, State& state, const Surface& surface, const PlacedShape& shape,
-              double reach, double drifted, Found&& found) {
+void near_now(const Model& model, State& state, const Surface& surface, std::size_t instrument, double reach,
+              double drifted, Found&& found) {
   StepScratch& w = *state.scratch;
+  const PlacedShape& shape = w.shapes[instrument];
+  const Sweep& sweep = w.sweeps[instrument];
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
-  near_nodes(*surface.clusters, surface.bounds, surface.positions, shape, reach + w.tolerance, drifted,
-             [&](Index node, double) {
+  const double near = reach + w.tolerance;
+  near_nodes(*surface.clusters, surface.bounds, surface.positions, shape, near + sweep.reach, drifted,
+             [&](Index node, double d) {
+               if (sweep.reach > 0 && !may_meet(w, surface, instrument, node, d, near, drifted)) return;
                w.candidates.push_back(node);
                if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
              });
@@ -243,7 +323,10 @@ void near_now(const Model& model, State& state, const Surface& surface, const Pl
   hold(model, state, For::loads);
   for (const Index node : w.candidates) {
     const Vec3& u = displacement(model, state, node);
-    const double d = shape.distance(model.organ.contact_points[at(node)] + u);
+    const Vec3 p = model.organ.contact_points[at(node)] + u;
+    double d = shape.distance(p);
+    if (d >= reach && sweep.reach > 0)
+      d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
   }
 }
@@ -255,16 +338,18 @@ void detect(const Model& model, State& state, const Surface& surface) {
   for (const Contact& c : state.contacts)
     if (c.instrument >= 0 && at(c.instrument) < w.shapes.size() && model.settings.mode == Mode::unilateral)
       if (add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node),
+                    w.sweeps[at(c.instrument)].known ? path_from(w.shapes[at(c.instrument)], c.from) : Path{},
                     c.force_in_organ)) {
         ContactPoint& p =
             w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
         p.held = model.settings.friction > 0;
         p.reference = w.shapes[at(c.instrument)].to_organ * c.touched - p.rest;
       }
-  const double drifted = drift(model, state, surface);
+  const double drifted = w.drifted_before = drift(model, state, surface);
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_now(model, state, surface, w.shapes[i], w.reach, drifted, [&](Index node, double, const Vec3& u) {
-      if (!add_point(model, w, node, i, u)) state.status |= too_many_contacts;
+    near_now(model, state, surface, i, w.reach, drifted, [&](Index node, double, const Vec3& u) {
+      if (w.point_of[i * model.organ.surface_size() + at(node)] >= 0) return;
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });
 }
 
@@ -278,7 +363,7 @@ void detect_at_rest(const Model& model, State& state, const Surface& surface) {
                [&](Index node, double) {
                  for (std::size_t other = 0; other < i; ++other)
                    if (w.point_of[other * model.organ.surface_size() + at(node)] >= 0) return;
-                 if (!add_point(model, w, node, i, Vec3::Zero())) state.status |= too_many_contacts;
+                 if (!add_point(model, w, node, i, Vec3::Zero(), {})) state.status |= too_many_contacts;
                });
 }
 
@@ -320,13 +405,14 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const double drifted = drift(model, state, surface);
   state.deepest_after = 0;
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_now(model, state, surface, w.shapes[i], -w.tolerance, drifted,
-             [&](Index node, double d, const Vec3& u) {
-               state.deepest_after = std::max(state.deepest_after, -d);
-               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-                 if (w.point_of[other * s + at(node)] >= 0) return;
-               if (!add_point(model, w, node, i, u)) state.status |= too_many_contacts;
-             });
+    near_now(model, state, surface, i, -w.tolerance, drifted, [&](Index node, double d, const Vec3& u) {
+      const Index point = w.point_of[i * s + at(node)];
+      state.deepest_after = std::max(state.deepest_after, point < 0 ? -d : -w.points[at(point)].gap);
+      if (point >= 0) return;
+      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+        if (w.point_of[other * s + at(node)] >= 0) return;
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
+    });
   return w.points.size() > before;
 }
 
@@ -435,6 +521,9 @@ void report(State& state, const Input& input) {
     c.gap_before = shape.distance(p.rest);
     c.gap_after = p.gap;
     const Vec3 now = p.rest + p.u;
+    Path gone;
+    gap_by_path(shape, p.path, now, &gone);
+    c.from = gone.known ? gone.from : Vec3(shape.to_shape * now);
     c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
     c.force_in_organ = p.force, c.force = state.organ.rotation * p.force;
     state.contacts.push_back(c);
@@ -460,7 +549,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   state.status = status_ok;
   state.deepest_before = state.deepest_after = 0;
   state.organ = normalized(input.organ);
-  place(model, *state.scratch, input);
+  place(model, state, input);
   forget_near(*state.scratch);
   if (!state.loads.u_known) state.loads.count = 0;  // another mode's
   switch (model.settings.mode) {

@@ -1,3 +1,4 @@
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -110,6 +111,7 @@ TEST(Step, UnilateralLawHoldsWhilePressingSlidingAndLeaving) {
             at(Vec3(-0.02 + 0.04 * t, 0.003, top - depth),
                Eigen::Quaterniond(Eigen::AngleAxisd(0.4 * t, Vec3(0.3, 1, 0.2).normalized())));
         step(model, state, input);
+        SCOPED_TRACE(fmt::format("shape {} order {} tick {}", shape.index(), order, k));
         expect_signorini(model, state, input);
         deepest = std::max(deepest, state.deepest_before);
         peak = std::max(peak, state.wrenches[0].force.norm());

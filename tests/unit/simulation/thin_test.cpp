@@ -1,0 +1,100 @@
+// Thin and fast instruments: nothing is swallowed, nothing tunnels, no side is lost, whatever the speed.
+#include <fmt/core.h>
+#include <gtest/gtest.h>
+
+#include "fixtures.hpp"
+
+namespace palpate {
+namespace {
+
+// 60 x 60 x 30 mm, its base fixed, 3 mm between nodes; its top at z = 0.
+Organ slab() {
+  return bake(make_block({Vec3(-0.03, -0.03, -0.03), Vec3(0.03, 0.03, 0)}, {20, 20, 10}),
+              {{10e3, 0.45, 1000}}, {AnchorHalfSpace{Vec3(0, 0, -0.03), Vec3::UnitZ()}}, 0, {}, nullptr,
+              {.order = 1, .pinch = false});
+}
+
+struct Thin : ::testing::Test {
+  static void SetUpTestSuite() { model.organ = slab(); }
+  static void TearDownTestSuite() { model = {}; }
+  static inline Model model;
+
+  void take(const Shape& shape) { model.instruments = {{"thin", shape, {}}}; }
+  static Shape lattice_box(const Vec3& half, double h) { return lattice_of(make_box({-half, half}), h); }
+  // Largest |dF / dx| of a press along -z by steps of 0.1 mm from z = 0 to -depth: the contact's stiffness.
+  static double stiffness(double bottom, double depth, const Vec3& aside, const Eigen::Quaterniond& turn) {
+    State state = make_state(model);
+    double most = 0, last = 0;
+    for (double d = 0; d <= depth; d += 0.1e-3) {
+      step(model, state, at(aside + Vec3(0, 0, bottom - d), turn));
+      const double force = state.wrenches[0].force.norm();
+      most = std::max(most, std::abs(force - last) / 0.1e-3);
+      last = force;
+    }
+    return most;
+  }
+};
+
+// The blade's flat side, 5 m/s at 1 kHz: it would lie beyond the first nodes after one tick.
+TEST_F(Thin, ABladesFlatSideAtFiveMetresASecond) {
+  const Vec3 half(10e-3, 10e-3, 0.5e-3);
+  for (const Shape& blade : {Shape{Cuboid{half}}, lattice_box(half, 0.25e-3)}) {
+    take(blade);
+    const double k = stiffness(0.5e-3, 0.01, Vec3(0.4e-3, 0.3e-3, 0), Eigen::Quaterniond::Identity());
+    for (const double along : {5e-3, 2.7e-3, 1.1e-3, 0.3e-3}) {
+      State state = make_state(model);
+      double last = 0;
+      for (double bottom = 4.2e-3; bottom > -10e-3; bottom -= along) {
+        SCOPED_TRACE(
+            fmt::format("{} mm a tick, at {} mm, shape {}", 1e3 * along, 1e3 * bottom, blade.index()));
+        step(model, state, at(Vec3(0.4e-3, 0.3e-3, bottom + 0.5e-3)));
+        EXPECT_EQ(state.status, 0u);
+        for (const Contact& c : state.contacts) EXPECT_LT(c.force.z(), 0);  // pushed ahead, never lifted
+        const double force = state.wrenches[0].force.z();
+        EXPECT_LE(std::abs(force - last), 1.2 * k * along);
+        EXPECT_GT(force, bottom < -1e-3 ? 0.1 : -1e-9);
+        last = force;
+      }
+      EXPECT_GT(state.contacts.size(), 30u);
+    }
+  }
+}
+
+// T 7.2 point 3: beyond the middle of a thin body its far side is nearer, and the body is swallowed.
+TEST_F(Thin, TheThesisSwallowing) {
+  take(Cuboid{Vec3(10e-3, 10e-3, 0.5e-3)});
+  State state = make_state(model);
+  for (int k = 0; k <= 12; ++k) step(model, state, at(Vec3(0, 0, 0.6e-3 - 0.8e-3 * k)));  // 9 mm deep
+  EXPECT_GT(state.wrenches[0].force.z(), 1);
+  for (const Index node : model.organ.node_of_row) {
+    const Vec3& rest = model.organ.surface.vertices[static_cast<std::size_t>(node)];
+    if (rest.z() < 0 || rest.head<2>().cwiseAbs().maxCoeff() > 9e-3) continue;
+    EXPECT_LE(deformed(model, state, node).z(), 0.6e-3 - 0.8e-3 * 12 - 0.5e-3 + 1e-6);  // under it, not on it
+  }
+  step(model, state,
+       at(Vec3(0, 0, 0.05)));  // far: more than a quarter of the organ, so it was not on the way
+  EXPECT_TRUE(state.contacts.empty());
+}
+
+// Instruments that are put somewhere have no way: they appear in the tissue, which goes to the nearest side.
+TEST_F(Thin, AJumpIsNoMotion) {
+  take(Cuboid{Vec3(5e-3, 5e-3, 0.5e-3)});
+  State state = make_state(model), fresh = make_state(model);
+  step(model, state, at(Vec3(0, 0, 0.04)));
+  step(model, state, at(Vec3(0, 0, -0.2e-3)));
+  step(model, fresh, at(Vec3(0, 0, -0.2e-3)));
+  EXPECT_EQ(state.wrenches[0].force, fresh.wrenches[0].force);
+}
+
+// A tick that was skipped is no end of a way.
+TEST_F(Thin, BadInputKeepsTheWay) {
+  take(Cuboid{Vec3(5e-3, 5e-3, 0.5e-3)});
+  State state = make_state(model);
+  step(model, state, at(Vec3(0, 0, 3e-3)));
+  step(model, state, at(Vec3(0, 0, std::nan(""))));
+  step(model, state, at(Vec3(0, 0, -3e-3)));
+  EXPECT_GT(state.wrenches[0].force.z(), 0.1);
+}
+
+}  // namespace
+}  // namespace palpate
