@@ -1,0 +1,267 @@
+// What may touch in a tick: T 4.2, points that pass through instruments, and a surface that lags behind.
+// A tick must know where the nodes near an instrument are now, but not where all are: the whole surface is
+// the work of a Deformer, which may be another thread's and lag behind. Detection starts from the surface it
+// is given, made under forces f0 of some earlier tick, and bounds how far a node can have moved since: with C
+// symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(tr C_ii) sqrt((f - f0).C(f - f0)) (Cauchy,
+// Schwarz). What may be near by that bound is placed exactly, by rows of C, summed in an order that does not
+// depend on the bound. So a tick's cost follows the number of contacts, and its bits do not depend on the
+// surface's age.
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/simulation/tick_work.hpp"
+
+namespace palpate {
+
+namespace {
+
+// Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
+constexpr double hidden = 1e-6;
+
+// The largest way of a corner of the shape's box since it was at `last`.
+double motion(const Shape& shape, const Pose& last, const Pose& now) {
+  const Box box = bounding_box(shape);
+  double most = 0;
+  for (int corner = 0; corner < 8 && box.max.allFinite() && box.min.allFinite(); ++corner) {
+    const Vec3 p(corner & 1 ? box.max.x() : box.min.x(), corner & 2 ? box.max.y() : box.min.y(),
+                 corner & 4 ? box.max.z() : box.min.z());
+    most = std::max(most, (now * p - last * p).norm());
+  }
+  return most;
+}
+
+}  // namespace
+
+void place(const Model& model, State& state, const Input& input) {
+  StepScratch& w = *state.scratch;
+  const Pose to_organ = normalized(input.organ).inverse();
+  const bool has_last = state.placed.size() == model.instruments.size() && state.loads.u_known &&
+                        model.settings.mode == Mode::unilateral;
+  w.shapes.clear();
+  for (std::size_t i = 0; i < model.instruments.size(); ++i) {
+    const Shape& shape = model.instruments[i].shape;
+    w.shapes.emplace_back(shape, to_organ * normalized(input.instruments[i]));
+    w.sweeps[i] = {};
+    if (!has_last) continue;
+    const double moved = motion(shape, state.placed[i], w.shapes[i].to_organ);
+    if (moved > largest_motion * w.size) continue;
+    w.sweeps[i] = {state.placed[i].inverse(), true, moved > 0.5 * w.shapes[i].finest ? moved : 0.0};
+  }
+  state.placed.clear();
+  for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
+  w.before.copy(state.loads);
+}
+
+namespace {
+
+// Adds a node once an instrument; false when there is no room. u: now; path: how it came there.
+bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
+               const Path& path, const Vec3& force = Vec3::Zero()) {
+  Index& place = w.point_of[instrument * model.organ.surface_size() + at(node)];
+  if (place >= 0) return true;
+  if (w.points.size() >= w.capacity) return false;
+  place = static_cast<Index>(w.points.size());
+  ContactPoint c;
+  c.node = node, c.row = model.organ.row_of[at(node)], c.instrument = static_cast<Index>(instrument);
+  c.rest = model.organ.contact_points[at(node)];
+  c.u = u;
+  c.path = path;
+  c.force = force;
+  w.points.push_back(c);
+  return true;
+}
+
+void forget_points(const Model& model, StepScratch& w) {
+  for (const ContactPoint& c : w.points)
+    w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)] = -1;
+  w.points.clear();
+}
+
+}  // namespace
+
+bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
+  for (Index other = 0; other < c.instrument; ++other)
+    if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0) return false;
+  return true;
+}
+
+void hold(const Model& model, State& state, For what) {
+  StepScratch& w = *state.scratch;
+  w.wanted.clear();
+  const auto want = [&](Index row) {
+    if (w.wanted.size() < w.block.capacity()) w.wanted.push_back(row);
+  };
+  if (what == For::loads)
+    for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
+  else
+    for (const ContactPoint& c : w.points)
+      if (is_first(model, w, c)) want(c.row);  // no room for twice the same
+  for (const Index node : w.near) want(model.organ.row_of[at(node)]);
+  w.block.require(w.compliance_of(model), w.wanted, w.slots);
+  for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
+  for (std::size_t i = 0; i < w.before.count; ++i) w.before_slots[i] = w.block.slot_of(w.before.rows[i]);
+  for (ContactPoint& c : w.points) c.slot = w.block.slot_of(c.row);
+}
+
+void forget_near(StepScratch& w) {
+  for (const Index node : w.near) w.is_near[at(node)] = 0;
+  w.near.clear();
+}
+
+namespace {
+
+// Displacement of a node under loads, whose slots are given, in float64.
+Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& loads,
+                  std::span<const Index> slots) {
+  const std::size_t n = loads.count;
+  const Index row = model.organ.row_of[at(node)];
+  const Index slot = w.block.slot_of(row);
+  if (slot >= 0 && std::find(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n), -1) ==
+                       slots.begin() + static_cast<std::ptrdiff_t>(n))
+    return w.block.displacement(slot, slots.first(n), {loads.forces.data(), n});
+  w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
+  Vec3 u = Vec3::Zero();
+  const float* c = w.compliance_rows.data();
+  for (std::size_t k = 0; k < n; ++k)
+    for (std::size_t r = 0; r < 3; ++r) {
+      const float* e = c + 3 * n * r + 3 * k;
+      const Vec3& f = loads.forces[k];
+      u[static_cast<int>(r)] += static_cast<double>(e[0]) * f[0] + static_cast<double>(e[1]) * f[1] +
+                                static_cast<double>(e[2]) * f[2];
+    }
+  return u;
+}
+
+// Under state.loads, which have slots.
+const Vec3& displacement(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  Vec3& u = w.u[at(node)];
+  if (w.u_number[at(node)] == state.loads.number) return u;
+  w.u_number[at(node)] = state.loads.number;
+  return u = displacement(model, w, node, state.loads, w.loaded);
+}
+
+// How the node came near the shape: where it was in the last tick.
+Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
+  StepScratch& w = *state.scratch;
+  const Sweep& sweep = w.sweeps[shape];
+  if (!sweep.known) return {};
+  const Vec3 u = state.loads.number == w.before.number
+                     ? displacement(model, state, node)
+                     : displacement(model, w, node, w.before, w.before_slots);
+  return path_from(w.shapes[shape], sweep.last * Vec3(model.organ.contact_points[at(node)] + u));
+}
+
+// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
+double drift(const Model& model, State& state, const Surface& surface) {
+  const Loads& then = surface.loads;
+  if (then.number == state.loads.number) return 0;
+  const double work = state.loads.work(), work_then = then.work();
+  double both = 0;
+  for (std::size_t i = 0; i < then.count; ++i)
+    both += then.forces[i].dot(displacement(model, state, model.organ.node_of_row[at(then.rows[i])]));
+  return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
+}
+
+// Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
+// on its way through this tick.
+bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
+              double near, double drifted) {
+  const double clearance =
+      near + static_cast<double>(w.softness[at(node)]) * std::max(drifted, w.drifted_before);
+  if (d <= clearance) return true;
+  const Vec3& p = surface.positions[at(node)];
+  const PlacedShape& shape = w.shapes[instrument];
+  return passes(*shape.shape, w.sweeps[instrument].last * p, shape.to_shape * p, clearance);
+}
+
+// Calls found(node, distance, u) for every free node nearer to the shape than `reach` under state.loads, or
+// that the shape passed through.
+template <class Found>
+void near_now(const Model& model, State& state, const Surface& surface, std::size_t instrument, double reach,
+              double drifted, Found&& found) {
+  StepScratch& w = *state.scratch;
+  const PlacedShape& shape = w.shapes[instrument];
+  const Sweep& sweep = w.sweeps[instrument];
+  w.candidates.clear();
+  // The surface is float32: what it says is off by less than the tolerance.
+  const double near = reach + w.tolerance;
+  near_nodes(*surface.clusters, surface.bounds, surface.positions, shape, near + sweep.reach, drifted,
+             [&](Index node, double d) {
+               if (sweep.reach > 0 && !may_meet(w, surface, instrument, node, d, near, drifted)) return;
+               w.candidates.push_back(node);
+               if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
+             });
+  if (w.candidates.empty()) return;
+  hold(model, state, For::loads);
+  for (const Index node : w.candidates) {
+    const Vec3& u = displacement(model, state, node);
+    const Vec3 p = model.organ.contact_points[at(node)] + u;
+    double d = shape.distance(p);
+    if (d >= reach && sweep.reach > 0)
+      d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
+    if (d < reach) found(node, d, u);
+  }
+}
+
+}  // namespace
+
+void detect(const Model& model, State& state, const Surface& surface) {
+  StepScratch& w = *state.scratch;
+  forget_points(model, w);
+  for (const Contact& c : state.contacts)
+    if (c.instrument >= 0 && at(c.instrument) < w.shapes.size() && model.settings.mode == Mode::unilateral)
+      if (add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node),
+                    w.sweeps[at(c.instrument)].known ? path_from(w.shapes[at(c.instrument)], c.from) : Path{},
+                    c.force_in_organ)) {
+        ContactPoint& p =
+            w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
+        p.held = model.settings.friction > 0;
+        p.reference = w.shapes[at(c.instrument)].to_organ * c.touched - p.rest;
+      }
+  const double drifted = w.drifted_before = drift(model, state, surface);
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)
+    near_now(model, state, surface, i, w.reach, drifted, [&](Index node, double, const Vec3& u) {
+      if (w.point_of[i * model.organ.surface_size() + at(node)] >= 0) return;
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
+    });
+}
+
+void detect_at_rest(const Model& model, State& state, const Surface& surface) {
+  StepScratch& w = *state.scratch;
+  forget_points(model, w);
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)
+    near_nodes(*surface.clusters, w.rest_bounds, model.organ.contact_points, w.shapes[i], 0.0, 0.0,
+               [&](Index node, double) {
+                 for (std::size_t other = 0; other < i; ++other)
+                   if (w.point_of[other * model.organ.surface_size() + at(node)] >= 0) return;
+                 if (!add_point(model, w, node, i, Vec3::Zero(), {})) state.status |= too_many_contacts;
+               });
+}
+
+void see_anchored(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  for (const PlacedShape& shape : w.shapes)
+    near_nodes(w.anchored, w.anchored_bounds, model.organ.contact_points, shape, -w.tolerance, 0.0,
+               [&](Index, double) { state.status |= anchor_touched; });
+}
+
+bool add_swallowed(const Model& model, State& state, const Surface& surface) {
+  StepScratch& w = *state.scratch;
+  const std::size_t before = w.points.size(), s = model.organ.surface_size();
+  const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
+  const double drifted = drift(model, state, surface);
+  state.deepest_after = 0;
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)
+    near_now(model, state, surface, i, -w.tolerance, drifted, [&](Index node, double d, const Vec3& u) {
+      const Index point = w.point_of[i * s + at(node)];
+      state.deepest_after = std::max(state.deepest_after, point < 0 ? -d : -w.points[at(point)].gap);
+      if (point >= 0) return;
+      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+        if (w.point_of[other * s + at(node)] >= 0) return;
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
+    });
+  return w.points.size() > before;
+}
+
+}  // namespace palpate

@@ -1,0 +1,94 @@
+// What the parts of a tick share: step.cpp (the list), detect.cpp (what may touch), modes.cpp (laws without a
+// solver).
+#pragma once
+
+#include "palpate/contact/clusters.hpp"
+#include "palpate/contact/solver.hpp"
+#include "palpate/simulation/model.hpp"
+
+namespace palpate {
+
+// Slots of the contact block for nodes that are near, but no contact points.
+constexpr std::size_t spare_slots = 256;
+
+inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+// An instrument's motion against the organ since the last tick.
+struct Sweep {
+  Pose last;           // from the organ's frame to its own then
+  bool known = false;  // otherwise it was put where it is
+  double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
+};
+
+struct StepScratch {
+  StepScratch(const Model& model, std::size_t most)
+      : compliance(model.organ.compliance.with_work()),
+        block(std::min(most + spare_slots, compliance.nodes()), compliance.nodes()),
+        solver(most, block.capacity()),
+        deformer(model.organ),
+        capacity(most),
+        compliance_rows(9 * most) {}
+
+  // The model's own, in case another organ has been put into it since.
+  const Compliance& compliance_of(const Model& model) const {
+    return compliance.same_numbers(model.organ.compliance) ? compliance : model.organ.compliance;
+  }
+
+  Compliance compliance;  // the model's, with work space
+  ContactBlock block;
+  ContactSolver solver;
+  Deformer deformer;
+  std::size_t capacity;
+  Clusters anchored;  // nodes that cannot move
+  ClusterBounds rest_bounds, anchored_bounds;
+  std::vector<PlacedShape> shapes;            // instruments in the organ's frame
+  std::vector<Sweep> sweeps;                  // how each came there
+  Loads before;                               // of the last tick
+  std::vector<Index> before_slots;            // of its rows
+  std::vector<ContactPoint> points;           // may touch in this tick
+  std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
+  std::vector<Index> candidates;              // nodes that may be near an instrument
+  std::vector<Index> near;                    // all of this tick, each once
+  std::vector<std::uint8_t> is_near;          // of each node: among `near`
+  std::vector<Index> wanted, slots;           // rows for the contact block, and where they came
+  std::vector<Vec3> u;                        // of each node, m; right under the loads of the same number:
+  std::vector<std::uint64_t> u_number;        // of each node
+  std::vector<Index> loaded;                  // slots of state.loads
+  std::vector<float> compliance_rows;         // of a node without a slot
+  std::vector<float> softness;                // of each node: Clusters::softness
+  double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
+  double size = 0, tolerance = 0, reach = 0;  // m
+};
+
+inline Pose normalized(Pose p) {
+  p.rotation.normalize();
+  return p;
+}
+
+// detect.cpp
+
+// Puts the instruments where the input says, and remembers how they came there.
+void place(const Model& model, State& state, const Input& input);
+// Gives slots in the contact block to the loads (while nodes are looked for) or to the points (when these are
+// solved for), and to what is near while there is room.
+enum class For { loads, points };
+void hold(const Model& model, State& state, For what);
+void forget_near(StepScratch& w);
+// Whether no other instrument's point of the same node comes before this one.
+bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c);
+// The nodes with a force in the last tick, and all nodes near an instrument where the surface is now.
+void detect(const Model& model, State& state, const Surface& surface);
+// Prescribed law: the nodes inside at rest, as in the thesis. A node belongs to the first instrument it is
+// in.
+void detect_at_rest(const Model& model, State& state, const Surface& surface);
+void see_anchored(const Model& model, State& state);
+// Nodes that were not among the points and lie inside an instrument now become points too. True when there
+// were any.
+bool add_swallowed(const Model& model, State& state, const Surface& surface);
+
+// modes.cpp
+
+void gaussian(const Model& model, State& state);
+void imprint(const Model& model, State& state);
+
+}  // namespace palpate
