@@ -48,7 +48,7 @@ TEST_F(Thin, ABladesFlatSideAtFiveMetresASecond) {
         SCOPED_TRACE(
             fmt::format("{} mm a tick, at {} mm, shape {}", 1e3 * along, 1e3 * bottom, blade.index()));
         step(model, state, at(Vec3(0.4e-3, 0.3e-3, bottom + 0.5e-3)));
-        EXPECT_EQ(state.status, 0u);
+        EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
         for (const Contact& c : state.contacts) EXPECT_LT(c.force.z(), 0);  // pushed ahead, never lifted
         const double force = state.wrenches[0].force.z();
         EXPECT_LE(std::abs(force - last), 1.2 * k * along);
