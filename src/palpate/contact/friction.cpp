@@ -49,7 +49,7 @@ void ContactSolver::linearise_gap(const ContactBlock& block, std::span<const Pla
 }
 
 Vec3 ContactSolver::reached_by(const ContactPoint& c, std::size_t i) const noexcept {
-  return u_[i] + Eigen::Map<const Vec3f>(moved_.data() + 3 * c.slot).cast<double>();
+  return base_[i] + Eigen::Map<const Vec3f>(moved_.data() + 3 * c.slot).cast<double>();
 }
 
 // The displacement of all slots goes along with a point's force.
@@ -112,13 +112,13 @@ SolveResult ContactSolver::coulomb(const ContactBlock& block, std::span<const Pl
   const std::size_t m = points.size();
   for (std::size_t i = 0; i < m; ++i) {
     active_[i] = points[i].force != Vec3::Zero();
-    force_[i] = points[i].force, u_[i] = points[i].u;
+    force_[i] = points[i].force, base_[i] = points[i].u;
     last_change_[i] = Vec3::Zero();
   }
+  std::fill_n(moved_.begin(), 3 * block.used(), 0.0f);
   int turns = 0;
   double last_residual = std::numeric_limits<double>::infinity();
   while (turns < limits.max_relinearisations && !result.converged) {
-    std::fill_n(moved_.begin(), 3 * block.used(), 0.0f);
     for (std::size_t i = 0; i < m; ++i) linearise_gap(block, shapes, points[i], i, turns == 0);
     if (last_residual > limits.tolerance * 100) {  // else the last one is near enough
       linearise(block, points);
@@ -134,9 +134,9 @@ SolveResult ContactSolver::coulomb(const ContactBlock& block, std::span<const Pl
       for (std::size_t i = 0; i < m; ++i) total += pressure_[i];
     } while (change > settled * total && turns < limits.max_relinearisations);
     result.factorisations += factorisations;
-    displace(block, points);
     double residual = 0, turned = 0;
     for (std::size_t i = 0; i < m; ++i) {
+      u_[i] = reached_by(points[i], i);
       const Gap g = gap_of(shapes, points[i], u_[i]);
       residual = std::max(residual, pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
       turned += pressure_[i] * (g.normal - points[i].normal).norm();
@@ -148,6 +148,7 @@ SolveResult ContactSolver::coulomb(const ContactBlock& block, std::span<const Pl
     last_residual = residual;
   }
   result.relinearisations = turns;
+  displace(block, points);  // in float64, so no error gathers from tick to tick
   for (std::size_t i = 0; i < m; ++i) {
     points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
     points[i].gap = reached_[i];

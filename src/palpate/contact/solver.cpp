@@ -21,6 +21,7 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t slots)
       pressure_(capacity),
       along_(3 * slots),
       moved_(3 * slots),
+      base_(capacity),
       stiffness_(capacity),
       gap_(capacity),
       factored_(capacity),

@@ -120,7 +120,8 @@ class ContactSolver {
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
   std::vector<double> along_;           // 3 slots
-  std::vector<float> moved_;            // u of all slots by the change of force_ since linearised, m
+  std::vector<float> moved_;            // u of all slots by the change from the last tick's forces, m
+  std::vector<Vec3> base_;              // u of the points under these, m
   std::vector<Mat3> stiffness_;         // of each point along the surface, N/m
   std::vector<double> gap_;             // of each point without pressure, m
   std::vector<std::uint8_t> factored_;  // active set that factor_ is of
