@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <mutex>
 
 #include "palpate/base/parallel_for.hpp"
@@ -285,7 +286,58 @@ double Lattice::distance(const Vec3& p) const noexcept {
   return box.contains(p) ? d : beyond(grid_, d, (p - p.cwiseMax(box.min).cwiseMin(box.max)).norm());
 }
 
+namespace {
+
+// Four numbers along z, as two registers: what every processor has.
+struct Four {
+  using Two = double __attribute__((vector_size(16)));
+  Two low{}, high{};
+  void add(double w, const Four& v) noexcept { low += w * v.low, high += w * v.high; }
+  double with(const double* k) const noexcept { return (low[0] * k[0] + low[1] * k[1]) + high[0] * k[2]; }
+};
+
+Four four(const float* r) noexcept {
+  using Floats = float __attribute__((vector_size(8)));
+  Floats low, high;
+  std::memcpy(&low, r, sizeof low), std::memcpy(&high, r + 2, sizeof high);
+  return {__builtin_convertvector(low, Four::Two), __builtin_convertvector(high, Four::Two)};
+}
+
+// The spline from its 27 grid points, the first of them at `corner`; a row ends after a fourth.
+LatticeSample spline_inside(const float* corner, std::size_t row, std::size_t sheet, const Vec3& t,
+                            double h) noexcept {
+  double w[3][3], dw[3][3];
+  for (int a = 0; a < 3; ++a) {
+    const double x = t[a];
+    w[a][0] = 0.5 * (0.5 - x) * (0.5 - x), w[a][1] = 0.75 - x * x, w[a][2] = 0.5 * (0.5 + x) * (0.5 + x);
+    dw[a][0] = x - 0.5, dw[a][1] = -2 * x, dw[a][2] = x + 0.5;
+  }
+  Four d, gx, gy;
+  for (std::size_t i = 0; i < 3; ++i) {
+    Four along, slope;
+    for (std::size_t j = 0; j < 3; ++j) {
+      const Four v = four(corner + i * sheet + j * row);
+      along.add(w[1][j], v), slope.add(dw[1][j], v);
+    }
+    d.add(w[0][i], along), gx.add(dw[0][i], along), gy.add(w[0][i], slope);
+  }
+  return {d.with(w[2]), Vec3(gx.with(w[2]), gy.with(w[2]), d.with(dw[2])) / h};
+}
+
+}  // namespace
+
 LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
+  const Vec3 x = (p - grid_.origin) / grid_.h;
+  if (x[0] >= 0.5 && x[1] >= 0.5 && x[2] >= 0.5 && x[0] < grid_.n[0] - 1.5 && x[1] < grid_.n[1] - 1.5 &&
+      x[2] < grid_.n[2] - 2.5) {
+    const std::array<std::int32_t, 3> middle{static_cast<std::int32_t>(x[0] + 0.5),
+                                             static_cast<std::int32_t>(x[1] + 0.5),
+                                             static_cast<std::int32_t>(x[2] + 0.5)};
+    const auto row = static_cast<std::size_t>(stored_[2]), sheet = row * static_cast<std::size_t>(stored_[1]);
+    const std::size_t corner = Grid::number(stored_, middle) - sheet - row - 1;
+    return spline_inside(distance_.data() + corner, row, sheet, x - Vec3(middle[0], middle[1], middle[2]),
+                         grid_.h);
+  }
   const Spline spline(grid_, p);
   std::array<double, 27> values;
   for (std::size_t i = 0; i < 3; ++i)
@@ -297,6 +349,22 @@ LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
     }
   const LatticeSample s = spline(values, grid_.h);
   return grid_.box().contains(p) ? s : beyond(grid_, p, s);
+}
+
+double Lattice::lower_bound(const Vec3& p) const noexcept {
+  const Box box = grid_.box();
+  const Vec3 q = p.cwiseMax(box.min).cwiseMin(box.max);
+  const Vec3 x = (q - grid_.origin) / grid_.h + Vec3::Constant(0.5);
+  const std::array<std::int32_t, 3> at{static_cast<std::int32_t>(x[0]), static_cast<std::int32_t>(x[1]),
+                                       static_cast<std::int32_t>(x[2])};
+  if (!(x.sum() < 1e9)) return -std::numeric_limits<double>::infinity();  // p is no number
+  const double way = (q - grid_.point(at[0], at[1], at[2])).norm();
+  // The spline's weights lie about p with a variance of h^2 / 4 along each axis, and the distances differ by
+  // no more than the ways.
+  const double d =
+      static_cast<double>(distance_[Grid::number(stored_, at)]) - way - std::sqrt(0.75) * grid_.h;
+  const double s = (p - q).norm();
+  return s > 0 ? beyond(grid_, d, s) : d;
 }
 
 LatticeSample Lattice::sample(const Vec3& p) const noexcept {

@@ -94,6 +94,8 @@ class Lattice {
   // principal curvatures (the trilinear one by as much), and rounds edges over a cell. The gradient is that
   // of this distance, not normalised. Outside the box as sample().
   LatticeSample smooth(const Vec3& p) const noexcept;
+  // smooth().distance is no less, by up to 2.6 h; from one grid point, so many times faster.
+  double lower_bound(const Vec3& p) const noexcept;
   // Of fourth order where the distance is smooth: interpolates the exact gradients too. Where they disagree
   // (medial axis, sharp edges) as trilinear. The gradient is that of this distance, not normalised. In
   // float32. Outside the box as sample().

@@ -61,6 +61,23 @@ TEST(LatticeSmooth, PlanesAreExactAndParabolasOffByAConstant) {
   }
 }
 
+// By one grid point, so a bound: never above, and not far below, inside the grid and out of it.
+TEST(LatticeSmooth, LowerBoundIsOneAndNotALooseOne) {
+  const Lattice lattice(sample_lattice(SignedDistanceField(make_torus(0.3, 0.12, 60, 30)),
+                                       make_grid({Vec3(-0.45, -0.45, -0.15), Vec3(0.45, 0.45, 0.15)}, 9)));
+  const double h = lattice.grid().h;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-0.8, 0.8);
+  for (int i = 0; i < 50000; ++i) {
+    const Vec3 p(uniform(random), uniform(random), uniform(random));
+    const double d = lattice.smooth(p).distance, bound = lattice.lower_bound(p);
+    ASSERT_LE(bound, d) << p.transpose();
+    ASSERT_GE(bound, d - 2.61 * h) << p.transpose();
+  }
+  EXPECT_FALSE(lattice.lower_bound(Vec3(std::nan(""), 0, 0)) > 0);  // may be anywhere
+  EXPECT_GT(lattice.lower_bound(Vec3(1e30, 0, 0)), 1e29);
+}
+
 TEST(LatticeSmooth, OutsideAndNoNumbersDoNoHarm) {
   const Lattice lattice(sample_lattice(SignedDistanceField(make_sphere(Vec3::Zero(), 0.3, 20, 40)),
                                        make_grid({Vec3::Constant(-0.4), Vec3::Constant(0.4)}, 12)));
