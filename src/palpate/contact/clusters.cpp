@@ -6,7 +6,11 @@
 namespace palpate {
 
 PlacedShape::PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept
-    : shape(&s), to_organ(shape_to_organ), to_shape(shape_to_organ.inverse()), finest(palpate::finest(s)) {
+    : shape(&s),
+      to_organ(shape_to_organ),
+      to_shape(shape_to_organ.inverse()),
+      turn(shape_to_organ.rotation.toRotationMatrix()),
+      finest(palpate::finest(s)) {
   const Box own = bounding_box(s);
   if (!own.min.allFinite() || !own.max.allFinite()) {
     box = {Vec3::Constant(-std::numeric_limits<double>::infinity()),
@@ -19,8 +23,8 @@ PlacedShape::PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept
 }
 
 Gap PlacedShape::gap(const Vec3& p) const noexcept {
-  Gap g = palpate::gap(*shape, to_shape * p);
-  g.normal = to_organ.rotation * g.normal;
+  Gap g = palpate::gap(*shape, own(p));
+  g.normal = turn * g.normal;
   return g;
 }
 

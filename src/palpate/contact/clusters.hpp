@@ -15,11 +15,16 @@ namespace palpate {
 struct PlacedShape {
   const Shape* shape = nullptr;
   Pose to_organ, to_shape;
+  Mat3 turn;          // of to_organ
   Box box;            // of the solid, organ frame; infinite for a half-space
   double finest = 0;  // palpate::finest(shape), m
 
   PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept;
-  double distance(const Vec3& p) const noexcept { return palpate::distance(*shape, to_shape * p); }
+  // In the shape's frame.
+  Vec3 own(const Vec3& p) const noexcept { return turn.transpose() * (p - to_organ.translation); }
+  double distance(const Vec3& p) const noexcept { return palpate::distance(*shape, own(p)); }
+  // Whether distance(p) may be below d.
+  bool may_be_nearer(const Vec3& p, double d) const noexcept { return distance_bound(*shape, own(p)) < d; }
   Gap gap(const Vec3& p) const noexcept;  // normal in the organ's frame
 };
 
@@ -57,13 +62,13 @@ struct ClusterBounds {
 
 // Calls found(node, distance) for every node that may be nearer to the shape than `reach` (m) when each has
 // moved from `positions` by up to its softness times `drift`; distance: where it was. In the order of the
-// clusters.
-template <class Found>
+// clusters. Nodes for which skip(node) are left out.
+template <class Found, class Skip>
 void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
-                const PlacedShape& shape, double reach, double drift, Found&& found) noexcept {
+                const PlacedShape& shape, double reach, double drift, Found&& found, Skip&& skip) noexcept {
   const auto may_touch = [&](const Ball& ball, float softness) {
     const double grown = ball.radius + reach + drift * static_cast<double>(softness);
-    return shape.box.grown(grown).contains(ball.center) && shape.distance(ball.center) <= grown;
+    return shape.box.grown(grown).contains(ball.center) && shape.may_be_nearer(ball.center, grown);
   };
   for (std::size_t g = 0; g < bounds.groups.size(); ++g) {
     if (!may_touch(bounds.groups[g], clusters.group_softness[g])) continue;
@@ -72,14 +77,21 @@ void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span
       if (!may_touch(bounds.clusters[c], clusters.cluster_softness[c])) continue;
       for (auto i = static_cast<std::size_t>(clusters.begin[c]);
            i < static_cast<std::size_t>(clusters.begin[c + 1]); ++i) {
+        if (skip(clusters.nodes[i])) continue;
         const Vec3& p = positions[static_cast<std::size_t>(clusters.nodes[i])];
         const double within = reach + drift * static_cast<double>(clusters.softness[i]);
-        if (!shape.box.grown(within).contains(p)) continue;
+        if (!shape.box.grown(within).contains(p) || !shape.may_be_nearer(p, within)) continue;
         const double d = shape.distance(p);
         if (d < within) found(clusters.nodes[i], d);
       }
     }
   }
+}
+
+template <class Found>
+void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
+                const PlacedShape& shape, double reach, double drift, Found&& found) noexcept {
+  near_nodes(clusters, bounds, positions, shape, reach, drift, found, [](Index) { return false; });
 }
 
 }  // namespace palpate

@@ -6,14 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-// One body, compiled for several instruction sets and chosen when the program starts. The sanitizers'
-// start-up does not survive the choosing.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
-    !defined(__SANITIZE_THREAD__)
-#define PALPATE_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define PALPATE_CLONES
-#endif
+#include "palpate/contact/clones.hpp"
 
 namespace palpate {
 
@@ -59,20 +52,6 @@ PALPATE_CLONES void cholesky_solve(const double* u, std::size_t n, std::size_t l
     b[k] =
         (b[k] - (((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7])))) / r[k];
   }
-}
-
-PALPATE_CLONES void add_rows(const float* a, std::size_t cols, std::size_t ld, const double* w,
-                             double* out) noexcept {
-  const float *x = a, *y = a + ld, *z = a + 2 * ld;
-  for (std::size_t i = 0; i < cols; ++i)
-    out[i] += (static_cast<double>(x[i]) * w[0] + static_cast<double>(y[i]) * w[1]) +
-              static_cast<double>(z[i]) * w[2];
-}
-
-PALPATE_CLONES void add_rows(const float* a, std::size_t cols, std::size_t ld, const float* w,
-                             float* out) noexcept {
-  const float *x = a, *y = a + ld, *z = a + 2 * ld;
-  for (std::size_t i = 0; i < cols; ++i) out[i] += (x[i] * w[0] + y[i] * w[1]) + z[i] * w[2];
 }
 
 }  // namespace palpate

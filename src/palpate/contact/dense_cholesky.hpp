@@ -10,10 +10,5 @@ namespace palpate {
 bool cholesky(double* a, std::size_t n, std::size_t ld) noexcept;
 // Solves U^T U x = b in place.
 void cholesky_solve(const double* u, std::size_t n, std::size_t ld, double* b) noexcept;
-// out[i] += (w[0] a[i] + w[1] a[ld + i]) + w[2] a[2 ld + i], in float64; each entry by itself, so its bits do
-// not depend on where it stands.
-void add_rows(const float* a, std::size_t cols, std::size_t ld, const double* w, double* out) noexcept;
-// The same in float32.
-void add_rows(const float* a, std::size_t cols, std::size_t ld, const float* w, float* out) noexcept;
 
 }  // namespace palpate

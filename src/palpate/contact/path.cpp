@@ -96,12 +96,12 @@ Path path_from(const PlacedShape& shape, const Vec3& from) noexcept {
 
 Gap gap_by_path(const PlacedShape& placed, const Path& path, const Vec3& p, Path* gone) noexcept {
   const Shape& shape = *placed.shape;
-  const Vec3 own = placed.to_shape * p;
+  const Vec3 own = placed.own(p);
   Gap g = gap(shape, own);
   const auto plain = [&] {
     const double inside = std::min(g.distance, 0.0);
     if (gone) *gone = {own - inside / g.slope * g.normal, g.normal, g.distance - inside, true};
-    g.normal = placed.to_organ.rotation * g.normal;
+    g.normal = placed.turn * g.normal;
     return g;
   };
   if (!path.known) {
@@ -120,7 +120,7 @@ Gap gap_by_path(const PlacedShape& placed, const Path& path, const Vec3& p, Path
       (own - g.distance / g.slope * g.normal - q).norm() <= 0.1 * depth + touching * fine)
     return plain();
   if (gone) *gone = {q, normal, 0, true};
-  return {-depth, placed.to_organ.rotation * normal, 1};
+  return {-depth, placed.turn * normal, 1};
 }
 
 bool passes(const Shape& shape, const Vec3& a, const Vec3& b, double clearance) noexcept {

@@ -92,6 +92,11 @@ bool is_empty(const Shape& shape) noexcept {
 
 double distance(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape).distance; }
 
+double distance_bound(const Shape& shape, const Vec3& p) noexcept {
+  const auto* whole = std::get_if<std::shared_ptr<const Lattice>>(&shape);
+  return whole ? (*whole)->lower_bound(p) : distance(shape, p);
+}
+
 Gap gap(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape); }
 
 double finest(const Shape& shape) noexcept { return std::visit(FinestOf{}, shape); }

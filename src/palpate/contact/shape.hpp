@@ -34,6 +34,8 @@ struct Gap {
 
 double distance(const Shape& shape, const Vec3& p) noexcept;
 Gap gap(const Shape& shape, const Vec3& p) noexcept;
+// distance() is no less, and takes longer.
+double distance_bound(const Shape& shape, const Vec3& p) noexcept;
 // Half the thickness of the thinnest part that is told apart, m: a way shorter than this goes through
 // nothing. Of a lattice its spacing, infinite for a half-space.
 double finest(const Shape& shape) noexcept;

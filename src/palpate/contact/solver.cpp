@@ -4,30 +4,49 @@
 #include <algorithm>
 #include <cmath>
 
+#include "palpate/contact/clones.hpp"
 #include "palpate/contact/dense_cholesky.hpp"
+#include "palpate/contact/projected_gradients.hpp"
 
 namespace palpate {
 
 namespace {
 // Iterations kept downhill before the points are calmed one by one: enough for the ticks of a smooth motion.
 constexpr int downhill = 2;
+// Of the tolerance of the gaps: how exactly a linearised problem is solved.
+constexpr double linear_share = 0.1;
 }  // namespace
 
-ContactSolver::ContactSolver(std::size_t capacity, std::size_t slots)
+ContactSolver::ContactSolver(std::size_t capacity, std::size_t plane)
     : capacity_(capacity),
+      normal_compliance_(capacity * ((capacity + 15) / 16 * 16)),
+      ld_((capacity + 15) / 16 * 16),
+      normals_(3 * plane),
+      row_(plane),
+      base_gradient_(ld_),
+      gradient_(ld_),
+      way_(ld_),
+      product_(ld_),
+      lower_(ld_),
+      within_(ld_),
+      change_(ld_),
+      scale_(capacity),
+      gap_(capacity),
+      start_(capacity),
+      without_(capacity),
       system_(9 * capacity * capacity),
       factor_(capacity * capacity),
       rhs_(3 * capacity),
       pressure_(capacity),
-      along_(3 * slots),
-      moved_(3 * slots),
+      along_(3 * plane),
+      moved_(3 * plane),
       base_(capacity),
       stiffness_(capacity),
-      gap_(capacity),
-      factored_(capacity),
       reached_(capacity),
+      gone_(capacity),
       index_(3 * capacity),
       active_(capacity),
+      load_of_(plane, -1),
       loaded_(capacity),
       load_(capacity),
       u_(capacity),
@@ -41,55 +60,164 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t slots)
   for (Column& c : columns_) c.u.resize(capacity), c.force.resize(capacity), c.change.resize(capacity);
   std::fill_n(system_.data(), system_.size(), 0.0);  // touch every page now, not in the first ticks
   std::fill_n(factor_.data(), factor_.size(), 0.0);
+  std::fill_n(normal_compliance_.data(), normal_compliance_.size(), 0.0f);
 }
 
-// A = N^T C N, the compliance along the normals, m/N; b = gap - n.u, what the gap would be without forces.
-void ContactSolver::linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
-  const std::size_t m = points.size(), cols = 3 * block.used();
-  for (std::size_t i = 0; i < m; ++i) {
-    const ContactPoint& a = points[i];
-    std::fill_n(along_.begin(), cols, 0.0);
-    add_rows(block.at(a.slot, 0), cols, block.ld(), a.normal.data(), along_.data());
-    double* row = system_.data() + i * m;
-    for (std::size_t j = i; j < m; ++j) {
-      const double* c = along_.data() + 3 * points[j].slot;
-      const Vec3& n = points[j].normal;
-      row[j] = system_[j * m + i] = c[0] * n[0] + c[1] * n[1] + c[2] * n[2];
-    }
-    row[i] *= 1 + 1e-9;  // a node held from two sides would make the system singular
-    rhs_[i] = a.gap / a.slope - a.normal.dot(a.u);
+namespace {
+
+// out[j] = w . C_j n_j: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in planes.
+PALPATE_CLONES void along_normals(const float* rows, std::size_t plane, std::size_t slots, const Vec3f& w,
+                                  const float* n, float* __restrict out) noexcept {
+  const float wx = w[0], wy = w[1], wz = w[2];
+  std::fill_n(out, slots, 0.0f);
+  for (std::size_t b = 0; b < 3; ++b) {
+    const float *x = rows + b * plane, *y = x + 3 * plane, *z = y + 3 * plane, *along = n + b * plane;
+    for (std::size_t j = 0; j < slots; ++j) out[j] += ((x[j] * wx + y[j] * wy) + z[j] * wz) * along[j];
   }
+}
+
+}  // namespace
+
+// N^T C N, the compliance along the normals; float32 does, as what forces do is read from displacements.
+void ContactSolver::linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
+  const std::size_t m = points.size(), plane = block.plane();
+  for (std::size_t b = 0; b < 3; ++b) std::fill_n(normals_.data() + b * plane, block.used(), 0.0f);
+  for (std::size_t i = 0; i < m; ++i) {
+    const ContactPoint& c = points[i];
+    const double own = c.normal.dot(block.between(c.slot, c.slot) * c.normal);
+    scale_[i] = own > 0 ? 1 / std::sqrt(own) : 1;
+    for (std::size_t b = 0; b < 3; ++b)
+      normals_[b * plane + static_cast<std::size_t>(c.slot)] =
+          static_cast<float>(scale_[i] * c.normal[static_cast<int>(b)]);
+  }
+  const auto scaled = [&](std::size_t i) -> Vec3f { return (scale_[i] * points[i].normal).cast<float>(); };
+  std::size_t hidden = 0;  // points of a node that another touches too
+  for (std::size_t i = 0; i < m; ++i)
+    for (std::size_t b = 0; b < 3; ++b)
+      if (normals_[b * plane + static_cast<std::size_t>(points[i].slot)] != scaled(i)[static_cast<int>(b)]) {
+        index_[hidden++] = static_cast<std::int32_t>(i);
+        break;
+      }
+  norm_ = 0;
+  for (std::size_t i = 0; i < m; ++i) {
+    const Vec3f w = scaled(i);
+    along_normals(block.row(points[i].slot, 0), plane, block.width(), w, normals_.data(), row_.data());
+    float* out = normal_compliance_.data() + i * ld_;
+    for (std::size_t j = 0; j < m; ++j) out[j] = row_[static_cast<std::size_t>(points[j].slot)];
+    for (std::size_t k = 0; k < hidden; ++k) {
+      const auto j = static_cast<std::size_t>(index_[k]);
+      out[j] = w.dot(block.between(points[i].slot, points[j].slot).cast<float>() * scaled(j));
+    }
+    float sum = 0;
+    for (std::size_t j = 0; j < m; ++j) sum += std::abs(out[j]);
+    norm_ = std::max(norm_, sum);
+  }
+}
+
+// pressure_ for gap_ at the pressures start_, to `tolerance` m of the linearised gaps. False: not found.
+bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept {
+  const std::size_t m = points.size();
+  for (std::size_t i = 0; i < m; ++i) {
+    base_gradient_[i] = static_cast<float>(gap_[i]);
+    lower_[i] = static_cast<float>(-start_[i] / scale_[i]);
+    within_[i] = static_cast<float>(scale_[i] * tolerance);
+    change_[i] = 0;
+  }
+  for (std::size_t i = m; i < std::min(m + 16, ld_); ++i) lower_[i] = within_[i] = change_[i] = 0;
+  const bool solved = minimise_over_bounds(normal_compliance_.data(), m, ld_, norm_, base_gradient_, lower_,
+                                           within_, change_, {gradient_, way_, product_}) >= 0 ||
+                      pivot(m);
+  for (std::size_t i = 0; i < m; ++i)
+    pressure_[i] = change_[i] <= lower_[i] ? 0 : start_[i] + scale_[i] * static_cast<double>(change_[i]);
+  return solved;
+}
+
+// The same by factors, for what gradients do not solve: a node held from two sides has no stiffness of its
+// own between them.
+bool ContactSolver::pivot(std::size_t m) noexcept {
+  for (std::size_t i = 0; i < m; ++i) {
+    without_[i] = static_cast<double>(base_gradient_[i]);
+    for (std::size_t j = 0; j < m; ++j) {
+      const auto c = static_cast<double>(normal_compliance_[std::min(i, j) * ld_ + std::max(i, j)]);
+      system_[i * m + j] = i == j ? c * (1 + 1e-6) : c;
+      without_[i] += c * static_cast<double>(lower_[j]);
+    }
+    active_[i] = change_[i] > lower_[i];
+  }
+  const ComplementarityWork work{{factor_.data(), m * m}, {along_.data(), m}, {index_.data(), m}};
+  const bool solved =
+      solve_complementarity(system_.data(), m, m, without_.data(), active_, pressure_, work) > 0;
+  for (std::size_t i = 0; i < m; ++i) change_[i] = lower_[i] + static_cast<float>(pressure_[i]);
+  return solved;
 }
 
 // u_ of every point under the forces force_.
 void ContactSolver::displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
   std::size_t n = 0;
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (force_[i] != Vec3::Zero()) loaded_[n] = points[i].slot, load_[n++] = force_[i];
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (force_[i] == Vec3::Zero()) continue;
+    Index& load = load_of_[static_cast<std::size_t>(points[i].slot)];
+    if (load < 0) load = static_cast<Index>(n), loaded_[n] = points[i].slot, load_[n++].setZero();
+    load_[static_cast<std::size_t>(load)] += force_[i];
+  }
+  for (std::size_t k = 0; k < n; ++k) load_of_[static_cast<std::size_t>(loaded_[k])] = -1;
   block.displacements({loaded_.data(), n}, {load_.data(), n}, along_);
-  for (std::size_t i = 0; i < points.size(); ++i) u_[i] = Vec3::Map(along_.data() + 3 * points[i].slot);
+  for (std::size_t i = 0; i < points.size(); ++i) u_[i] = block.in_planes<double>(along_, points[i].slot);
 }
 
 // The forces for the gaps and normals at the points' u, what they do (u_, force_, pressure_), and how far
 // that is from the law: the minimum of the elastic energy under the linearised gaps.
 ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
-                                           std::span<const ContactPoint> points) noexcept {
+                                           std::span<const ContactPoint> points, double tolerance) noexcept {
   const std::size_t m = points.size();
-  const ComplementarityWork work{{factor_.data(), m * m}, {along_.data(), m}, {index_.data(), m}};
   linearise(block, points);
+  for (std::size_t i = 0; i < m; ++i) {
+    const ContactPoint& c = points[i];
+    start_[i] = std::max(0.0, c.normal.dot(c.force));
+    gap_[i] = scale_[i] * (c.gap / c.slope - c.normal.dot(c.u));
+  }
+  for (std::size_t j = 0; j < m; ++j)
+    if (start_[j] > 0) {
+      const double p = start_[j] / scale_[j];
+      const float* row = normal_compliance_.data() + j * ld_;
+      for (std::size_t i = 0; i < m; ++i) gap_[i] += p * static_cast<double>(row[i]);
+    }
   Step s;
-  s.factorisations = solve_complementarity(system_.data(), m, m, rhs_.data(), active_, pressure_, work);
+  s.solved = find_pressures(points, tolerance);
   for (std::size_t i = 0; i < m; ++i) force_[i] = pressure_[i] * points[i].normal;
   displace(block, points);
-  for (std::size_t i = 0; i < m; ++i) {
-    const Gap g = gap_of(shapes, points[i], u_[i]);
+  measure(shapes, points, s);
+  return s;
+}
+
+// How far u_ and pressure_ are from the law.
+void ContactSolver::measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
+                            Step& s) noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ContactPoint& c = points[i];
+    gone_[i] = c.path;
+    const Gap g = reached_[i] =
+        gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u_[i], &gone_[i]);
     s.residual = std::max(s.residual, pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
-    s.turned += pressure_[i] * (g.normal - points[i].normal).norm();
+    s.turned += pressure_[i] * (g.normal - c.normal).norm();
     s.total += pressure_[i];
     s.largest = std::max(s.largest, pressure_[i]);
-    reached_[i] = g.distance;
   }
-  return s;
+}
+
+// Moves the points' paths to where they are now, and takes gap and normal there; measured: measure() has been
+// at u_, where some of them still are.
+void ContactSolver::relinearise(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
+                                bool measured) noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    ContactPoint& c = points[i];
+    Gap g = reached_[i];
+    if (measured && c.u == u_[i])
+      c.path = gone_[i];
+    else
+      g = gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + c.u, &c.path);
+    c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
+  }
 }
 
 // Elastic energy plus what penetration costs, J, at trial_ and trial_force_: a step may only lower it.
@@ -192,26 +320,20 @@ SolveResult ContactSolver::unilateral(const ContactBlock& block, std::span<const
   const std::size_t m = points.size();
   History history;
   for (std::size_t i = 0; i < m; ++i) {
-    active_[i] = points[i].force != Vec3::Zero();
     last_u_[i] = last_force_[i] = last_change_[i] = Vec3::Zero();
   }
   while (result.relinearisations < limits.max_relinearisations && !result.converged) {
-    for (std::size_t i = 0; i < m; ++i) {
-      ContactPoint& c = points[i];
-      relinearise(shapes, c);
-      if (result.relinearisations == 0 && c.gap < 0) active_[i] = 1;
-    }
+    relinearise(shapes, points, result.relinearisations > 0);
     ++result.relinearisations;
-    const Step s = propose(block, shapes, points);
-    result.factorisations += s.factorisations;
-    result.converged = s.factorisations > 0 && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total;
+    const Step s = propose(block, shapes, points, linear_share * limits.tolerance);
+    result.converged = s.solved && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total;
     if (!result.converged && result.relinearisations < limits.max_relinearisations)
       result.relinearisations <= downhill ? advance(shapes, points, 1.5 * s.largest, history)
                                           : calm(points, result.relinearisations == downhill + 1);
   }
   for (std::size_t i = 0; i < m; ++i) {
     points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
-    points[i].gap = reached_[i];
+    points[i].gap = reached_[i].distance, points[i].path = gone_[i];
   }
   return result;
 }
@@ -248,13 +370,11 @@ SolveResult ContactSolver::prescribed(const ContactBlock& block, std::span<const
     c.gap = shape.distance(c.rest + c.u);
     for (std::size_t a = 0; a < 3; ++a) rhs_[3 * i + a] = c.u[static_cast<int>(a)];
     for (std::size_t j = i; j < m; ++j)
-      for (std::size_t a = 0; a < 3; ++a) {
-        const float* from = block.at(c.slot, points[j].slot) + a * block.ld();
-        std::copy_n(from, 3, system_.data() + (3 * i + a) * n + 3 * j);
-      }
+      Eigen::Map<Mat3, 0, Eigen::OuterStride<>>(system_.data() + 3 * i * n + 3 * j,
+                                                Eigen::OuterStride<>(static_cast<Eigen::Index>(n))) =
+          block.between(c.slot, points[j].slot).transpose();
   }
   ++result.relinearisations;
-  ++result.factorisations;
   if (!cholesky(system_.data(), n, n)) return result;
   cholesky_solve(system_.data(), n, n, rhs_.data());
   result.converged = true;

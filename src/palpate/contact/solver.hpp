@@ -32,7 +32,7 @@ struct ContactPoint {
   bool held = false;
   Vec3 reference = Vec3::Zero();
   bool sticks = false;  // out: friction below its limit
-  Path path;            // of this tick: how it comes to where it is
+  Path path;            // in, how it comes to where it is; out, when it is there
 };
 
 // From the point, displaced by u, to its instrument, by its path.
@@ -44,12 +44,6 @@ inline double distance_of(std::span<const PlacedShape> shapes, const ContactPoin
   return gap_of(shapes, c, u).distance;
 }
 
-// Moves the point's path to where it is now, and takes gap and normal there.
-inline void relinearise(std::span<const PlacedShape> shapes, ContactPoint& c) noexcept {
-  const Gap g = gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + c.u, &c.path);
-  c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
-}
-
 struct SolverLimits {
   double tolerance = 0;  // m, of the gaps
   int max_relinearisations = 100;
@@ -58,14 +52,13 @@ struct SolverLimits {
 struct SolveResult {
   bool converged = false;
   int relinearisations = 0;
-  int factorisations = 0;
 };
 
 // Work space for a number of contact points, allocated once.
 class ContactSolver {
  public:
-  // capacity: of points; slots: of the blocks it will be given.
-  ContactSolver(std::size_t capacity, std::size_t slots);
+  // capacity: of points; plane: of the blocks it will be given.
+  ContactSolver(std::size_t capacity, std::size_t plane);
   std::size_t capacity() const noexcept { return capacity_; }
 
   // gap >= 0, pressure >= 0, gap * pressure = 0 at every point; forces along the shape's normal (no
@@ -76,6 +69,8 @@ class ContactSolver {
   // reference. Points that are not held yet have no friction in this call.
   SolveResult coulomb(const ContactBlock& block, std::span<const PlacedShape> shapes,
                       std::span<ContactPoint> points, double mu, const SolverLimits& limits) noexcept;
+  // What the forces of the last call of unilateral() or coulomb() do to all slots of its block, m, in planes.
+  std::span<const double> displacements() const noexcept { return along_; }
   // The thesis (T 4.3.2): every point is moved onto the shape's surface, to where the normal at rest + u
   // leads; forces may pull. Points must be distinct nodes.
   SolveResult prescribed(const ContactBlock& block, std::span<const PlacedShape> shapes,
@@ -84,11 +79,11 @@ class ContactSolver {
  private:
   static constexpr int window = 5;  // iterates Anderson's acceleration looks back on
   struct Step {
-    int factorisations = 0;  // 0: the complementarity problem was not solved
-    double residual = 0;     // m, largest violation of gap >= 0 and gap * pressure = 0
-    double turned = 0;       // N, pressure times turn of the normal, summed
-    double total = 0;        // N, sum of the pressures
-    double largest = 0;      // N
+    bool solved = false;  // the complementarity problem was
+    double residual = 0;  // m, largest violation of gap >= 0 and gap * pressure = 0
+    double turned = 0;    // N, pressure times turn of the normal, summed
+    double total = 0;     // N, sum of the pressures
+    double largest = 0;   // N
   };
   struct Column {  // differences between a proposal and the one before
     std::vector<Vec3> u, force, change;
@@ -97,7 +92,12 @@ class ContactSolver {
     int depth = 0, newest = 0;
   };
   Step propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
-               std::span<const ContactPoint> points) noexcept;
+               std::span<const ContactPoint> points, double tolerance) noexcept;
+  bool find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept;
+  bool pivot(std::size_t m) noexcept;
+  void measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points, Step& s) noexcept;
+  void relinearise(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
+                   bool measured) noexcept;
   double merit(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
                double penalty) const noexcept;
   void accelerate(std::span<const ContactPoint> points, History& history) noexcept;
@@ -105,30 +105,41 @@ class ContactSolver {
   void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
                History& history) noexcept;
   void own_compliance(const ContactBlock& block, std::size_t i, const ContactPoint& c) noexcept;
-  void linearise_gap(const ContactBlock& block, std::span<const PlacedShape> shapes, ContactPoint& c,
-                     std::size_t i, bool first) noexcept;
+  void linearise_friction(const ContactBlock& block, const ContactPoint& c, std::size_t i) noexcept;
   void add_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
-  Vec3 reached_by(const ContactPoint& c, std::size_t i) const noexcept;
-  int press(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  Vec3 reached_by(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept;
+  bool press(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
+             double tolerance) noexcept;
   double rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
   void linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
   void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
 
   std::size_t capacity_;
+  // Compliance along the normals, each scaled by scale_ so that the diagonal is 1; rows ld_ apart. norm_: no
+  // eigenvalue is larger.
+  HugeArray<float> normal_compliance_;
+  std::size_t ld_;
+  float norm_ = 0;
+  std::vector<float> normals_, row_;  // of each slot, scaled, in planes; a row of the slots'
+  std::vector<float> base_gradient_, gradient_, way_, product_, lower_, within_, change_;
+  std::vector<double> scale_;           // of each point, sqrt(N / m)
+  std::vector<double> gap_;             // of each point at its pressure so far, linearised, times scale_
+  std::vector<double> start_;           // and these pressures, N
+  std::vector<double> without_;         // gaps without any pressure, times scale_
   HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 capacity)^2
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
-  std::vector<double> along_;           // 3 slots
+  std::vector<double> along_;           // of each slot, in planes
   std::vector<float> moved_;            // u of all slots by the change from the last tick's forces, m
   std::vector<Vec3> base_;              // u of the points under these, m
   std::vector<Mat3> stiffness_;         // of each point along the surface, N/m
-  std::vector<double> gap_;             // of each point without pressure, m
-  std::vector<std::uint8_t> factored_;  // active set that factor_ is of
-  std::vector<double> reached_;         // gap of each point at u_, m
+  std::vector<Gap> reached_;            // of each point at u_
+  std::vector<Path> gone_;              // and its path there
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;
-  std::vector<Index> loaded_;    // slots of the points with a force
+  std::vector<Index> load_of_;   // of each slot, -1: no load
+  std::vector<Index> loaded_;    // slots of the points with a force, each once
   std::vector<Vec3> load_;       // and these, N
   std::vector<Vec3> u_, force_;  // of the points, proposed
   std::vector<Vec3> last_u_, last_force_, last_change_;

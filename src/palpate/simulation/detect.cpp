@@ -96,8 +96,9 @@ void hold(const Model& model, State& state, For what) {
   else
     for (const ContactPoint& c : w.points)
       if (is_first(model, w, c)) want(c.row);  // no room for twice the same
-  for (const Index node : w.near) want(model.organ.row_of[at(node)]);
-  w.block.require(w.compliance_of(model), w.wanted, w.slots);
+  w.watched.clear();
+  for (const Index node : w.near) w.watched.push_back(model.organ.row_of[at(node)]);
+  w.block.require(w.compliance_of(model), w.wanted, w.watched);
   for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
   for (std::size_t i = 0; i < w.before.count; ++i) w.before_slots[i] = w.block.slot_of(w.before.rows[i]);
   for (ContactPoint& c : w.points) c.slot = w.block.slot_of(c.row);
@@ -116,8 +117,8 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
   const std::size_t n = loads.count;
   const Index row = model.organ.row_of[at(node)];
   const Index slot = w.block.slot_of(row);
-  if (slot >= 0 && std::find(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n), -1) ==
-                       slots.begin() + static_cast<std::ptrdiff_t>(n))
+  if (slot >= 0 && std::all_of(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n),
+                               [&](Index loaded) { return w.block.is_loadable(loaded); }))
     return w.block.displacement(slot, slots.first(n), {loads.forces.data(), n});
   w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
   Vec3 u = Vec3::Zero();
@@ -175,30 +176,43 @@ bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrume
   return passes(*shape.shape, w.sweeps[instrument].last * p, shape.to_shape * p, clearance);
 }
 
-// Calls found(node, distance, u) for every free node nearer to the shape than `reach` under state.loads, or
-// that the shape passed through.
-template <class Found>
-void near_now(const Model& model, State& state, const Surface& surface, std::size_t instrument, double reach,
-              double drifted, Found&& found) {
+void add_near(StepScratch& w, Index node) {
+  if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
+}
+
+// Nodes but for the points of this instrument that may be nearer than `reach` under state.loads, or that the
+// shape passed through.
+void find_candidates(const Model& model, State& state, const Surface& surface, std::size_t instrument,
+                     double reach, double drifted) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
   const Sweep& sweep = w.sweeps[instrument];
+  const Index* points = w.point_of.data() + instrument * model.organ.surface_size();
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
   const double near = reach + w.tolerance;
-  near_nodes(*surface.clusters, surface.bounds, surface.positions, shape, near + sweep.reach, drifted,
-             [&](Index node, double d) {
-               if (sweep.reach > 0 && !may_meet(w, surface, instrument, node, d, near, drifted)) return;
-               w.candidates.push_back(node);
-               if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
-             });
-  if (w.candidates.empty()) return;
-  hold(model, state, For::loads);
-  for (const Index node : w.candidates) {
+  near_nodes(
+      *surface.clusters, surface.bounds, surface.positions, shape, near + sweep.reach, drifted,
+      [&](Index node, double d) {
+        if (sweep.reach > 0 && !may_meet(w, surface, instrument, node, d, near, drifted)) return;
+        w.candidates.push_back(node);
+        add_near(w, node);
+      },
+      [&](Index node) { return points[node] >= 0; });
+}
+
+// Calls found(node, distance, u) for those of `candidates` that are nearer than `reach`, or passed through.
+template <class Found>
+void near_now(const Model& model, State& state, std::size_t instrument, std::span<const Index> candidates,
+              double reach, Found&& found) {
+  StepScratch& w = *state.scratch;
+  const PlacedShape& shape = w.shapes[instrument];
+  for (const Index node : candidates) {
+    if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0) continue;
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
-    double d = shape.distance(p);
-    if (d >= reach && sweep.reach > 0)
+    double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;
+    if (d >= reach && w.sweeps[instrument].reach > 0)
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
   }
@@ -219,12 +233,17 @@ void detect(const Model& model, State& state, const Surface& surface) {
         p.held = model.settings.friction > 0;
         p.reference = w.shapes[at(c.instrument)].to_organ * c.touched - p.rest;
       }
+  for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
+    add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
-  for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_now(model, state, surface, i, w.reach, drifted, [&](Index node, double, const Vec3& u) {
-      if (w.point_of[i * model.organ.surface_size() + at(node)] >= 0) return;
+  for (std::size_t i = 0; i < w.shapes.size(); ++i) {
+    find_candidates(model, state, surface, i, w.reach, drifted);
+    if (w.candidates.empty()) continue;
+    hold(model, state, For::loads);
+    near_now(model, state, i, w.candidates, w.reach, [&](Index node, double, const Vec3& u) {
       if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });
+  }
 }
 
 void detect_at_rest(const Model& model, State& state, const Surface& surface) {
@@ -251,16 +270,25 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   const double drifted = drift(model, state, surface);
+  // Whether what is too far to be looked at again was too far for detect() too.
+  const bool all_near =
+      model.settings.mode == Mode::unilateral && (drifted - w.drifted_before) * w.softest <= w.reach;
   state.deepest_after = 0;
-  for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_now(model, state, surface, i, -w.tolerance, drifted, [&](Index node, double d, const Vec3& u) {
-      const Index point = w.point_of[i * s + at(node)];
-      state.deepest_after = std::max(state.deepest_after, point < 0 ? -d : -w.points[at(point)].gap);
-      if (point >= 0) return;
-      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-        if (w.point_of[other * s + at(node)] >= 0) return;
-      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
-    });
+  for (const ContactPoint& c : w.points) state.deepest_after = std::max(state.deepest_after, -c.gap);
+  for (std::size_t i = 0; i < w.shapes.size(); ++i) {
+    if (!all_near) {
+      find_candidates(model, state, surface, i, -w.tolerance, drifted);
+      if (!w.candidates.empty()) hold(model, state, For::loads);
+    }
+    near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance,
+             [&](Index node, double d, const Vec3& u) {
+               state.deepest_after = std::max(state.deepest_after, -d);
+               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+                 if (w.point_of[other * s + at(node)] >= 0) return;
+               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
+                 state.status |= too_many_contacts;
+             });
+  }
   return w.points.size() > before;
 }
 

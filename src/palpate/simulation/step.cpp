@@ -49,7 +49,7 @@ State make_state(const Model& model) {
   w.near.reserve(s);
   w.is_near.assign(s, 0);
   w.wanted.reserve(w.block.capacity());
-  w.slots.resize(w.block.capacity());
+  w.watched.reserve(s);
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
   w.loaded.resize(s);
@@ -60,6 +60,7 @@ State make_state(const Model& model) {
   w.softness.assign(s, 0.0f);
   for (std::size_t i = 0; i < state.surface.clusters->nodes.size(); ++i)
     w.softness[at(state.surface.clusters->nodes[i])] = state.surface.clusters->softness[i];
+  w.softest = static_cast<double>(*std::max_element(w.softness.begin(), w.softness.end()));
   w.reach = 0.25 * std::sqrt(area / static_cast<double>(s));
   return state;
 }
@@ -97,6 +98,12 @@ void take_loads(const Model& model, State& state) {
     loads.forces[i] += c.force, loads.u[i] = c.u;
   }
   loads.u_known = true;
+  if (model.settings.mode == Mode::unilateral &&
+      !w.points.empty())  // what is near, the solver has placed too
+    for (const Index node : w.near)
+      if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]); slot >= 0)
+        w.u[at(node)] = w.block.in_planes(w.solver.displacements(), slot),
+        w.u_number[at(node)] = loads.number;
   for (std::size_t i = 0; i < loads.count; ++i) w.loaded[i] = w.block.slot_of(loads.rows[i]);
 }
 
@@ -140,9 +147,7 @@ void report(State& state, const Input& input) {
     c.gap_before = shape.distance(p.rest);
     c.gap_after = p.gap;
     const Vec3 now = p.rest + p.u;
-    Path gone;
-    gap_by_path(shape, p.path, now, &gone);
-    c.from = gone.known ? gone.from : Vec3(shape.to_shape * now);
+    c.from = p.path.known ? p.path.from : Vec3(shape.to_shape * now);
     c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
     c.force_in_organ = p.force, c.force = state.organ.rotation * p.force;
     state.contacts.push_back(c);

@@ -8,8 +8,8 @@
 
 namespace palpate {
 
-// Slots of the contact block for nodes that are near, but no contact points.
-constexpr std::size_t spare_slots = 256;
+// Nodes that are near, but no contact points: so many the contact block has a place for.
+constexpr std::size_t most_watched = 512;
 
 inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
@@ -23,8 +23,9 @@ struct Sweep {
 struct StepScratch {
   StepScratch(const Model& model, std::size_t most)
       : compliance(model.organ.compliance.with_work()),
-        block(std::min(most + spare_slots, compliance.nodes()), compliance.nodes()),
-        solver(most, block.capacity()),
+        block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
+              compliance.nodes()),
+        solver(most, block.plane()),
         deformer(model.organ),
         capacity(most),
         compliance_rows(9 * most) {}
@@ -50,12 +51,13 @@ struct StepScratch {
   std::vector<Index> candidates;              // nodes that may be near an instrument
   std::vector<Index> near;                    // all of this tick, each once
   std::vector<std::uint8_t> is_near;          // of each node: among `near`
-  std::vector<Index> wanted, slots;           // rows for the contact block, and where they came
+  std::vector<Index> wanted, watched;         // rows for the contact block
   std::vector<Vec3> u;                        // of each node, m; right under the loads of the same number:
   std::vector<std::uint64_t> u_number;        // of each node
   std::vector<Index> loaded;                  // slots of state.loads
   std::vector<float> compliance_rows;         // of a node without a slot
   std::vector<float> softness;                // of each node: Clusters::softness
+  double softest = 0;                         // the largest of these
   double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
   double size = 0, tolerance = 0, reach = 0;  // m
 };

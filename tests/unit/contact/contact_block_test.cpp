@@ -15,23 +15,53 @@ TEST(ContactBlock, EqualsTheComplianceWhateverCameBefore) {
     for (std::size_t j = 0; j <= i; ++j)
       matrix[i * 3 * rows + j] = matrix[j * 3 * rows + i] = static_cast<float>(random() % 100000);
   const Compliance c = Compliance::dense(std::move(matrix), rows);
-  ContactBlock block(capacity, rows);
-  for (int tick = 0; tick < 300; ++tick) {
-    std::vector<Index> wanted;
-    for (std::size_t k = random() % (capacity + 1); k > 0; --k) {
-      const auto row = static_cast<Index>(random() % (tick % 2 ? rows : 15));
-      if (std::find(wanted.begin(), wanted.end(), row) == wanted.end()) wanted.push_back(row);
+  constexpr std::size_t watchable = 9;
+  ContactBlock block(capacity, watchable, rows);
+  const auto entry = [&](Index i, Index j, int a, int b) {
+    return c.matrix()[(3 * static_cast<std::size_t>(i) + static_cast<std::size_t>(a)) * 3 * rows +
+                      3 * static_cast<std::size_t>(j) + static_cast<std::size_t>(b)];
+  };
+  const auto some = [&](std::size_t most, std::size_t among) {
+    std::vector<Index> out;
+    for (std::size_t k = random() % (most + 1); k > 0; --k) {
+      const auto row = static_cast<Index>(random() % among);
+      if (std::find(out.begin(), out.end(), row) == out.end()) out.push_back(row);
     }
-    std::vector<Index> slots(wanted.size());
-    block.require(c, wanted, slots);
+    return out;
+  };
+  for (int tick = 0; tick < 500; ++tick) {
+    const std::size_t among = tick % 2 ? rows : 15;
+    const std::vector<Index> wanted = some(capacity, among), watched = some(2 * watchable, among);
+    block.require(c, wanted, watched);
     ASSERT_LE(block.used(), capacity);
-    for (std::size_t i = 0; i < wanted.size(); ++i)
-      for (std::size_t j = 0; j < wanted.size(); ++j)
-        for (std::size_t a = 0; a < 3; ++a)
-          for (std::size_t b = 0; b < 3; ++b)
-            ASSERT_EQ(block.at(slots[i], slots[j])[a * block.ld() + b],
-                      c.matrix()[(3 * static_cast<std::size_t>(wanted[i]) + a) * 3 * rows +
-                                 3 * static_cast<std::size_t>(wanted[j]) + b]);
+    std::vector<Index> loaded;
+    std::vector<Vec3> forces;
+    for (const Index row : wanted) {
+      ASSERT_TRUE(block.is_loadable(block.slot_of(row)));
+      loaded.push_back(block.slot_of(row)), forces.push_back(Vec3::Random());
+      for (const Index other : wanted)
+        for (int a = 0; a < 3; ++a)
+          for (int b = 0; b < 3; ++b)
+            ASSERT_EQ(block.between(block.slot_of(row), block.slot_of(other))(a, b), entry(row, other, a, b));
+    }
+    std::vector<double> u(3 * block.plane());
+    block.displacements(loaded, forces, u);
+    std::size_t seen = 0;
+    for (const std::vector<Index>* rows_of : {&wanted, &watched})
+      for (const Index row : *rows_of) {
+        const Index slot = block.slot_of(row);
+        if (slot < 0) continue;
+        ++seen;
+        Vec3 expected = Vec3::Zero();
+        for (std::size_t k = 0; k < loaded.size(); ++k)
+          for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b)
+              expected[a] += static_cast<double>(entry(row, wanted[k], a, b)) * forces[k][b];
+        const Vec3 got = block.in_planes<double>(u, slot);
+        ASSERT_LE((got - expected).norm(), 1e-6 * 1e5 * static_cast<double>(capacity));
+        ASSERT_EQ(got, block.displacement(slot, loaded, forces));  // to the bit
+      }
+    ASSERT_GE(seen, wanted.size() + std::min(watched.size(), watchable) / 2);
   }
 }
 

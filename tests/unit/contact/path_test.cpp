@@ -82,7 +82,8 @@ TEST(Path, IsThePlainGapOfThickBodies) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> share(-0.05, 0.05);
   int inside = 0;
-  for (const Shape& shape : shapes)
+  for (const Shape& shape : shapes) {
+    const PlacedShape placed(shape, somewhere);
     for (int k = 0; k < 4000; ++k) {
       const Vec3 p(share(random), share(random), share(random));
       const Gap plain = gap(shape, p);
@@ -91,11 +92,12 @@ TEST(Path, IsThePlainGapOfThickBodies) {
         const Vec3 from = p + (off - plain.distance) * plain.normal;
         if (distance(shape, from) < 0.9 * off) continue;  // across the torus's hole
         const Gap g = reached(shape, from, p);
-        EXPECT_EQ(g.distance, gap(shape, somewhere.inverse() * (somewhere * p)).distance);
+        EXPECT_EQ(g.distance, gap(shape, placed.own(somewhere * p)).distance);
         EXPECT_GT(g.normal.dot(plain.normal), 1 - 1e-9);
         inside += plain.distance < 0;
       }
     }
+  }
   EXPECT_GT(inside, 300);
 }
 
