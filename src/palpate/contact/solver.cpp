@@ -3,6 +3,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
 #include "palpate/contact/clones.hpp"
 #include "palpate/contact/dense_cholesky.hpp"
@@ -15,6 +17,8 @@ namespace {
 constexpr int downhill = 2;
 // Of the tolerance of the gaps: how exactly a linearised problem is solved.
 constexpr double linear_share = 0.1;
+// And of all forces: a gap's error times the node's own stiffness, which in stone is the larger of the two.
+constexpr double force_share = 1e-5;
 }  // namespace
 
 ContactSolver::ContactSolver(std::size_t capacity, std::size_t plane)
@@ -117,10 +121,12 @@ void ContactSolver::linearise(const ContactBlock& block, std::span<const Contact
 // pressure_ for gap_ at the pressures start_, to `tolerance` m of the linearised gaps. False: not found.
 bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept {
   const std::size_t m = points.size();
+  const double total = std::accumulate(start_.begin(), start_.begin() + static_cast<std::ptrdiff_t>(m), 0.0);
+  const double never_more = total > 0 ? force_share * total : std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < m; ++i) {
     base_gradient_[i] = static_cast<float>(gap_[i]);
     lower_[i] = static_cast<float>(-start_[i] / scale_[i]);
-    within_[i] = static_cast<float>(scale_[i] * tolerance);
+    within_[i] = static_cast<float>(std::min(scale_[i] * tolerance, never_more / scale_[i]));
     change_[i] = 0;
   }
   for (std::size_t i = m; i < std::min(m + 16, ld_); ++i) lower_[i] = within_[i] = change_[i] = 0;
