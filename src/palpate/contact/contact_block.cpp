@@ -81,14 +81,36 @@ Vec3 ContactBlock::displacement(Index slot, std::span<const Index> loaded,
   return u;
 }
 
+Vec3 ContactBlock::displacement(const float* rows, std::span<const Vec3> forces) noexcept {
+  const std::size_t n = forces.size();
+  Vec3 u = Vec3::Zero();
+  for (std::size_t b = 0; b < 3; ++b)
+    for (std::size_t k = 0; k < n; k += 4) {
+      float part[4] = {};
+      for (std::size_t l = k; l < std::min(k + 4, n); ++l) {
+        const float* c = rows + 3 * n * b + 3 * l;
+        const Vec3f f = forces[l].cast<float>();
+        part[l - k] = (c[0] * f[0] + c[1] * f[1]) + c[2] * f[2];
+      }
+      u[static_cast<int>(b)] += static_cast<double>((part[0] + part[1]) + (part[2] + part[3]));
+    }
+  return u;
+}
+
+void ContactBlock::displacements(std::span<const Index> loaded, std::span<const Vec3> forces, Index first,
+                                 Index last, std::span<double> u) const noexcept {
+  const auto begin = static_cast<std::size_t>(first), count = static_cast<std::size_t>(last - first);
+  for (std::size_t b = 0; b < 3; ++b) {
+    std::fill_n(u.data() + b * plane_ + begin, count, 0.0);
+    displace(loaded, forces, b * plane_ + begin, count, u.data() + b * plane_ + begin);
+  }
+}
+
 void ContactBlock::displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
                                  std::span<double> u) const noexcept {
-  for (std::size_t b = 0; b < 3; ++b)
-    for (const auto& [first, count] : {std::pair(b * plane_, width()),
-                                       std::pair(b * plane_ + first_watched_, (watched_ + 15) / 16 * 16)}) {
-      std::fill_n(u.data() + first, count, 0.0);
-      displace(loaded, forces, first, count, u.data() + first);
-    }
+  displacements(loaded, forces, 0, static_cast<Index>(width()), u);
+  displacements(loaded, forces, static_cast<Index>(first_watched_),
+                static_cast<Index>(first_watched_ + (watched_ + 15) / 16 * 16), u);
 }
 
 void ContactBlock::add_displacements(Index loaded, const Vec3& force, std::span<float> u) const noexcept {

@@ -36,7 +36,12 @@ class ContactBlock {
   Mat3 between(Index i, Index j) const noexcept;
   // Of a slot's node under forces on loadable ones, m: their order decides the bits, not that of the slots.
   Vec3 displacement(Index slot, std::span<const Index> loaded, std::span<const Vec3> forces) const noexcept;
-  // The same of all slots at once, to the same bits, in planes as a row: 3 plane() numbers.
+  // The same of a node that has no slot, from its three rows of C against the loaded nodes, 3 forces.size()
+  // numbers each; to the same bits.
+  static Vec3 displacement(const float* rows, std::span<const Vec3> forces) noexcept;
+  // The same of some slots at once, and of all; in planes as a row: 3 plane() numbers.
+  void displacements(std::span<const Index> loaded, std::span<const Vec3> forces, Index first, Index last,
+                     std::span<double> u) const noexcept;
   void displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
                      std::span<double> u) const noexcept;
   // u += of a force on one slot, in float32, of the loadable ones.

@@ -121,16 +121,7 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
                                [&](Index loaded) { return w.block.is_loadable(loaded); }))
     return w.block.displacement(slot, slots.first(n), {loads.forces.data(), n});
   w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
-  Vec3 u = Vec3::Zero();
-  const float* c = w.compliance_rows.data();
-  for (std::size_t k = 0; k < n; ++k)
-    for (std::size_t r = 0; r < 3; ++r) {
-      const float* e = c + 3 * n * r + 3 * k;
-      const Vec3& f = loads.forces[k];
-      u[static_cast<int>(r)] += static_cast<double>(e[0]) * f[0] + static_cast<double>(e[1]) * f[1] +
-                                static_cast<double>(e[2]) * f[2];
-    }
-  return u;
+  return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
 }
 
 // Under state.loads, which have slots.
@@ -140,6 +131,25 @@ const Vec3& displacement(const Model& model, State& state, Index node) {
   if (w.u_number[at(node)] == state.loads.number) return u;
   w.u_number[at(node)] = state.loads.number;
   return u = displacement(model, w, node, state.loads, w.loaded);
+}
+
+// The same of all that is newly watched, at once.
+void displace_near(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  Index first = static_cast<Index>(w.block.plane()), last = -1;
+  const auto each = [&](auto&& take) {
+    for (const Index node : w.near)
+      if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]);
+          w.u_number[at(node)] != state.loads.number && slot >= 0 && !w.block.is_loadable(slot))
+        take(node, slot);
+  };
+  each([&](Index, Index slot) { first = std::min(first, slot), last = std::max(last, slot); });
+  if (last < 0) return;
+  w.block.displacements({w.loaded.data(), state.loads.count}, {state.loads.forces.data(), state.loads.count},
+                        first, last + 1, w.placed_u);
+  each([&](Index node, Index slot) {
+    w.u[at(node)] = w.block.in_planes<double>(w.placed_u, slot), w.u_number[at(node)] = state.loads.number;
+  });
 }
 
 // How the node came near the shape: where it was in the last tick.
@@ -240,6 +250,7 @@ void detect(const Model& model, State& state, const Surface& surface) {
     find_candidates(model, state, surface, i, w.reach, drifted);
     if (w.candidates.empty()) continue;
     hold(model, state, For::loads);
+    displace_near(model, state);
     near_now(model, state, i, w.candidates, w.reach, [&](Index node, double, const Vec3& u) {
       if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });

@@ -28,6 +28,7 @@ struct StepScratch {
         solver(most, block.plane()),
         deformer(model.organ),
         capacity(most),
+        placed_u(3 * block.plane()),
         compliance_rows(9 * most) {}
 
   // The model's own, in case another organ has been put into it since.
@@ -55,6 +56,7 @@ struct StepScratch {
   std::vector<Vec3> u;                        // of each node, m; right under the loads of the same number:
   std::vector<std::uint64_t> u_number;        // of each node
   std::vector<Index> loaded;                  // slots of state.loads
+  std::vector<double> placed_u;               // of each slot, in planes
   std::vector<float> compliance_rows;         // of a node without a slot
   std::vector<float> softness;                // of each node: Clusters::softness
   double softest = 0;                         // the largest of these

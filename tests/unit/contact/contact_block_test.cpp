@@ -60,6 +60,9 @@ TEST(ContactBlock, EqualsTheComplianceWhateverCameBefore) {
         const Vec3 got = block.in_planes<double>(u, slot);
         ASSERT_LE((got - expected).norm(), 1e-6 * 1e5 * static_cast<double>(capacity));
         ASSERT_EQ(got, block.displacement(slot, loaded, forces));  // to the bit
+        std::vector<float> its(9 * wanted.size());
+        c.block({&row, 1}, wanted, its, 3 * wanted.size());
+        ASSERT_EQ(got, ContactBlock::displacement(its.data(), forces));
       }
     ASSERT_GE(seen, wanted.size() + std::min(watched.size(), watchable) / 2);
   }
