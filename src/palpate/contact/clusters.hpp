@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -66,21 +67,28 @@ struct ClusterBounds {
 template <class Found, class Skip>
 void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
                 const PlacedShape& shape, double reach, double drift, Found&& found, Skip&& skip) noexcept {
-  const auto may_touch = [&](const Ball& ball, float softness) {
+  // How far from the shape's surface the ball's centre is; infinite: no node in it is near.
+  const auto away = [&](const Ball& ball, float softness) {
     const double grown = ball.radius + reach + drift * static_cast<double>(softness);
-    return shape.box.grown(grown).contains(ball.center) && shape.may_be_nearer(ball.center, grown);
+    if (!shape.box.grown(grown).contains(ball.center)) return std::numeric_limits<double>::infinity();
+    const double d = shape.distance(ball.center);
+    return d <= grown ? d : std::numeric_limits<double>::infinity();
   };
   for (std::size_t g = 0; g < bounds.groups.size(); ++g) {
-    if (!may_touch(bounds.groups[g], clusters.group_softness[g])) continue;
+    if (away(bounds.groups[g], clusters.group_softness[g]) > 1e300) continue;
     const std::size_t last = std::min((g + 1) * Clusters::per_group, clusters.size());
     for (std::size_t c = g * Clusters::per_group; c < last; ++c) {
-      if (!may_touch(bounds.clusters[c], clusters.cluster_softness[c])) continue;
+      const Ball& ball = bounds.clusters[c];
+      const double from_center = away(ball, clusters.cluster_softness[c]);
+      if (from_center > 1e300) continue;
       for (auto i = static_cast<std::size_t>(clusters.begin[c]);
            i < static_cast<std::size_t>(clusters.begin[c + 1]); ++i) {
         if (skip(clusters.nodes[i])) continue;
         const Vec3& p = positions[static_cast<std::size_t>(clusters.nodes[i])];
         const double within = reach + drift * static_cast<double>(clusters.softness[i]);
-        if (!shape.box.grown(within).contains(p) || !shape.may_be_nearer(p, within)) continue;
+        const double off = from_center - within;  // the ball's centre is so much too far, and p not nearer
+        if (off > 0 && (p - ball.center).squaredNorm() < off * off) continue;
+        if (!shape.may_be_nearer(p, within)) continue;
         const double d = shape.distance(p);
         if (d < within) found(clusters.nodes[i], d);
       }

@@ -102,20 +102,20 @@ void ContactSolver::linearise(const ContactBlock& block, std::span<const Contact
         index_[hidden++] = static_cast<std::int32_t>(i);
         break;
       }
-  norm_ = 0;
+  for (std::size_t i = 0; i < m; ++i) loaded_[i] = points[i].slot;
+  std::fill_n(product_.begin(), m, 0.0f);  // sums of the columns, none of which any eigenvalue exceeds
   for (std::size_t i = 0; i < m; ++i) {
     const Vec3f w = scaled(i);
     along_normals(block.row(points[i].slot, 0), plane, block.width(), w, normals_.data(), row_.data());
     float* out = normal_compliance_.data() + i * ld_;
-    for (std::size_t j = 0; j < m; ++j) out[j] = row_[static_cast<std::size_t>(points[j].slot)];
+    for (std::size_t j = 0; j < m; ++j) out[j] = row_[static_cast<std::size_t>(loaded_[j])];
     for (std::size_t k = 0; k < hidden; ++k) {
       const auto j = static_cast<std::size_t>(index_[k]);
       out[j] = w.dot(block.between(points[i].slot, points[j].slot).cast<float>() * scaled(j));
     }
-    float sum = 0;
-    for (std::size_t j = 0; j < m; ++j) sum += std::abs(out[j]);
-    norm_ = std::max(norm_, sum);
+    for (std::size_t j = 0; j < m; ++j) product_[j] += std::abs(out[j]);
   }
+  norm_ = m > 0 ? *std::max_element(product_.begin(), product_.begin() + static_cast<std::ptrdiff_t>(m)) : 0;
 }
 
 // pressure_ for gap_ at the pressures start_, to `tolerance` m of the linearised gaps. False: not found.

@@ -139,7 +139,7 @@ class ContactSolver {
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;
   std::vector<Index> load_of_;   // of each slot, -1: no load
-  std::vector<Index> loaded_;    // slots of the points with a force, each once
+  std::vector<Index> loaded_;    // slots of the points, or of those with a force, each once
   std::vector<Vec3> load_;       // and these, N
   std::vector<Vec3> u_, force_;  // of the points, proposed
   std::vector<Vec3> last_u_, last_force_, last_change_;
