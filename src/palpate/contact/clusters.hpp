@@ -70,7 +70,8 @@ void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span
   // How far from the shape's surface the ball's centre is; infinite: no node in it is near.
   const auto away = [&](const Ball& ball, float softness) {
     const double grown = ball.radius + reach + drift * static_cast<double>(softness);
-    if (!shape.box.grown(grown).contains(ball.center)) return std::numeric_limits<double>::infinity();
+    if (!shape.box.grown(grown).contains(ball.center) || !shape.may_be_nearer(ball.center, grown))
+      return std::numeric_limits<double>::infinity();
     const double d = shape.distance(ball.center);
     return d <= grown ? d : std::numeric_limits<double>::infinity();
   };
