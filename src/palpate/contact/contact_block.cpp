@@ -125,36 +125,37 @@ void ContactBlock::move_column(std::size_t from, std::size_t to) noexcept {
   slot_of_row_[static_cast<std::size_t>(row_of_slot_[to])] = static_cast<Index>(to);
 }
 
-// Keeps the wanted slots only: each is moved, whole rows and columns, into the first free place.
-void ContactBlock::drop_unwanted() noexcept {
-  std::size_t to = 0;
-  for (std::size_t from = 0; from < used_; ++from) {
-    if (!wanted_[from]) {
-      slot_of_row_[static_cast<std::size_t>(row_of_slot_[from])] = -1;
-      continue;
-    }
-    if (to != from) {
-      std::copy_n(values_of(from, 0), 9 * plane_, values_of(to, 0));
-      move_column(from, to);
-    }
-    ++to;
+// Keeps the wanted ones of the slots from first to last: the last ones move into the holes of the others.
+// Returns where they end.
+template <class Move>
+std::size_t ContactBlock::keep_wanted(std::size_t first, std::size_t last, Move&& move) noexcept {
+  for (std::size_t i = first; i < last; ++i) {
+    Index& slot = slot_of_row_[static_cast<std::size_t>(row_of_slot_[i])];
+    if (!wanted_[i] && slot == static_cast<Index>(i)) slot = -1;
   }
-  used_ = to;
+  for (std::size_t to = first; to < last; ++to) {
+    if (wanted_[to]) continue;
+    while (last > to + 1 && !wanted_[last - 1]) --last;
+    if (--last > to) move(last, to);
+  }
+  return last;
+}
+
+void ContactBlock::drop_unwanted() noexcept {
+  used_ = keep_wanted(0, used_, [&](std::size_t from, std::size_t to) {
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b)
+        for (const auto& [first, count] :
+             {std::pair(b * plane_, used_), std::pair(b * plane_ + first_watched_, watched_)})
+          std::copy_n(values_of(from, a) + first, count, values_of(to, a) + first);
+    move_column(from, to);
+  });
 }
 
 void ContactBlock::drop_unwatched() noexcept {
-  std::size_t to = first_watched_;
-  for (std::size_t from = first_watched_; from < first_watched_ + watched_; ++from) {
-    const Index row = row_of_slot_[from];
-    if (!wanted_[from]) {
-      if (slot_of_row_[static_cast<std::size_t>(row)] == static_cast<Index>(from))
-        slot_of_row_[static_cast<std::size_t>(row)] = -1;
-      continue;
-    }
-    if (to != from) move_column(from, to);
-    ++to;
-  }
-  watched_ = to - first_watched_;
+  watched_ = keep_wanted(first_watched_, first_watched_ + watched_,
+                         [&](std::size_t from, std::size_t to) { move_column(from, to); }) -
+             first_watched_;
 }
 
 // The rows of some loadable slots, and their mirror image: C is symmetric.

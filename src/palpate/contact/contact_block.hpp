@@ -66,6 +66,8 @@ class ContactBlock {
   }
   void displace(std::span<const Index> loaded, std::span<const Vec3> forces, std::size_t first,
                 std::size_t count, double* u) const noexcept;
+  template <class Move>
+  std::size_t keep_wanted(std::size_t first, std::size_t last, Move&& move) noexcept;
   void drop_unwanted() noexcept;
   void drop_unwatched() noexcept;
   void move_column(std::size_t from, std::size_t to) noexcept;
