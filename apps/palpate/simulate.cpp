@@ -29,6 +29,7 @@ struct Hand {
     sample.pose.translation += at;
     connected += sample.connected;
     place(inputs, 0, couple(settings, coupling, sample, wrench_of(states, 0), dt));
+    grip(inputs, 0, sample.buttons != 0);
   }
   void feel(std::span<const State> states) noexcept {
     const Wrench wrench = hand_wrench(settings, coupling, wrench_of(states, 0));

@@ -26,7 +26,7 @@ bool solve_active(const double* a, std::size_t n, std::size_t ld, const double* 
     for (std::size_t c = r; c < m; ++c) out[c] = row[work.index[c]];
   }
   if (!known) {
-    if (!work.factored.empty()) std::fill_n(work.factored.begin(), n, std::uint8_t{2});
+    if (!work.factored.empty()) std::fill_n(work.factored.begin(), n, not_factored);
     if (!cholesky(work.matrix.data(), m, m)) return false;
     if (!work.factored.empty()) std::copy_n(active.begin(), n, work.factored.begin());
   }
@@ -56,7 +56,7 @@ int solve_complementarity(const double* a, std::size_t n, std::size_t ld, const 
     }
     std::size_t wrong = 0, last_wrong = 0;
     for (std::size_t i = 0; i < n; ++i) {
-      const bool bad = active[i] ? p[i] < 0 : work.vector[i] < w_floor;
+      const bool bad = active[i] == bilateral ? false : active[i] ? p[i] < 0 : work.vector[i] < w_floor;
       work.vector[i] = bad;
       if (bad) ++wrong, last_wrong = i;
     }
@@ -73,7 +73,8 @@ int solve_complementarity(const double* a, std::size_t n, std::size_t ld, const 
     for (std::size_t i = 0; i < n; ++i)
       if (work.vector[i] != 0) active[i] ^= 1;
   }
-  for (std::size_t i = 0; i < n; ++i) p[i] = std::max(p[i], 0.0);
+  for (std::size_t i = 0; i < n; ++i)
+    if (active[i] != bilateral) p[i] = std::max(p[i], 0.0);
   return 0;
 }
 

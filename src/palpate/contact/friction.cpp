@@ -63,18 +63,18 @@ bool ContactSolver::press(const ContactBlock& block, std::span<const ContactPoin
   for (std::size_t i = 0; i < m; ++i) {
     const double gap = rhs_[i] + points[i].normal.dot(reached_by(block, points[i], i));
     gap_[i] = scale_[i] * gap;
-    start_[i] = std::max(0.0, points[i].normal.dot(force_[i]));
-    off = std::max(off, start_[i] > 0 ? std::abs(gap) : -gap);
+    start_[i] = start_of(points[i], force_[i]);
+    off = std::max(off, points[i].grasped || start_[i] > 0 ? std::abs(gap) : -gap);
   }
   const bool solved = find_pressures(points, std::max(tolerance, loose * off));
   for (std::size_t i = 0; i < m; ++i) {
     const Vec3 pressed = points[i].normal.dot(force_[i]) * points[i].normal;
     const Vec3 friction = force_[i] - pressed;
-    const double size = friction.norm(), most = mu * pressure_[i];
+    const double size = friction.norm(), most = std::max(0.0, mu * pressure_[i]);
     const Vec3 d = pressure_[i] * points[i].normal - pressed -
                    (size > most ? Vec3((1 - most / size) * friction) : Vec3(Vec3::Zero()));
     if (d != Vec3::Zero()) add_force(block, points[i], i, d);
-    if (pressure_[i] <= 0) force_[i].setZero();  // but for rounding it is
+    if (pressure_[i] <= 0 && !points[i].grasped) force_[i].setZero();  // but for rounding it is
   }
   return solved;
 }

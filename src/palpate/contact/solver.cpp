@@ -21,7 +21,7 @@ constexpr double linear_share = 0.1;
 constexpr double force_share = 1e-5;
 }  // namespace
 
-ContactSolver::ContactSolver(std::size_t capacity, std::size_t plane)
+ContactSolver::ContactSolver(std::size_t capacity, std::size_t nodes, std::size_t plane)
     : capacity_(capacity),
       normal_compliance_(capacity * ((capacity + 15) / 16 * 16)),
       ld_((capacity + 15) / 16 * 16),
@@ -38,11 +38,11 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t plane)
       gap_(capacity),
       start_(capacity),
       without_(capacity),
-      system_(9 * capacity * capacity),
+      system_(std::max(capacity * capacity, 9 * nodes * nodes)),
       factor_(capacity * capacity),
       rhs_(3 * capacity),
       pressure_(capacity),
-      along_(3 * plane),
+      along_(std::max(capacity, 3 * plane)),
       moved_(3 * plane),
       base_(capacity),
       stiffness_(capacity),
@@ -111,7 +111,15 @@ void ContactSolver::linearise(const ContactBlock& block, std::span<const Contact
     for (std::size_t j = 0; j < m; ++j) out[j] = row_[static_cast<std::size_t>(loaded_[j])];
     for (std::size_t k = 0; k < hidden; ++k) {
       const auto j = static_cast<std::size_t>(index_[k]);
-      out[j] = w.dot(block.between(points[i].slot, points[j].slot).cast<float>() * scaled(j));
+      const float* x = block.row(points[i].slot, 0) + points[j].slot;
+      if (!points[j].grasped) {
+        out[j] = w.dot(block.between(points[i].slot, points[j].slot).cast<float>() * scaled(j));
+      } else {  // many, along axes
+        for (std::size_t b = 0; b < 3; ++b, x += plane)
+          if (points[j].normal[static_cast<int>(b)] != 0)
+            out[j] =
+                ((x[0] * w[0] + x[3 * plane] * w[1]) + x[6 * plane] * w[2]) * scaled(j)[static_cast<int>(b)];
+      }
     }
     for (std::size_t j = 0; j < m; ++j) product_[j] += std::abs(out[j]);
   }
@@ -121,18 +129,20 @@ void ContactSolver::linearise(const ContactBlock& block, std::span<const Contact
 // pressure_ for gap_ at the pressures start_, to `tolerance` m of the linearised gaps. False: not found.
 bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept {
   const std::size_t m = points.size();
-  const double total = std::accumulate(start_.begin(), start_.begin() + static_cast<std::ptrdiff_t>(m), 0.0);
+  double total = 0;
+  for (std::size_t i = 0; i < m; ++i) total += std::abs(start_[i]);
   const double never_more = total > 0 ? force_share * total : std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < m; ++i) {
     base_gradient_[i] = static_cast<float>(gap_[i]);
-    lower_[i] = static_cast<float>(-start_[i] / scale_[i]);
+    lower_[i] = points[i].grasped ? -std::numeric_limits<float>::infinity()
+                                  : static_cast<float>(-start_[i] / scale_[i]);
     within_[i] = static_cast<float>(std::min(scale_[i] * tolerance, never_more / scale_[i]));
     change_[i] = 0;
   }
   for (std::size_t i = m; i < std::min(m + 16, ld_); ++i) lower_[i] = within_[i] = change_[i] = 0;
   const bool solved = minimise_over_bounds(normal_compliance_.data(), m, ld_, norm_, base_gradient_, lower_,
                                            within_, change_, {gradient_, way_, product_}) >= 0 ||
-                      pivot(m);
+                      pivot(points);
   for (std::size_t i = 0; i < m; ++i)
     pressure_[i] = change_[i] <= lower_[i] ? 0 : start_[i] + scale_[i] * static_cast<double>(change_[i]);
   return solved;
@@ -140,20 +150,23 @@ bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double 
 
 // The same by factors, for what gradients do not solve: a node held from two sides has no stiffness of its
 // own between them.
-bool ContactSolver::pivot(std::size_t m) noexcept {
+bool ContactSolver::pivot(std::span<const ContactPoint> points) noexcept {
+  const std::size_t m = points.size();
+  const auto from = [&](std::size_t i) { return points[i].grasped ? 0 : lower_[i]; };
   for (std::size_t i = 0; i < m; ++i) {
     without_[i] = static_cast<double>(base_gradient_[i]);
     for (std::size_t j = 0; j < m; ++j) {
       const auto c = static_cast<double>(normal_compliance_[std::min(i, j) * ld_ + std::max(i, j)]);
-      system_[i * m + j] = i == j ? c * (1 + 1e-6) : c;
-      without_[i] += c * static_cast<double>(lower_[j]);
+      system_[i * m + j] = i == j && !points[i].grasped ? c * (1 + 1e-6) : c;
+      without_[i] += c * static_cast<double>(from(j));
     }
-    active_[i] = change_[i] > lower_[i];
+    active_[i] = points[i].grasped ? bilateral : change_[i] > lower_[i];
+    pressure_[i] = static_cast<double>(change_[i] - from(i));
   }
   const ComplementarityWork work{{factor_.data(), m * m}, {along_.data(), m}, {index_.data(), m}};
   const bool solved =
       solve_complementarity(system_.data(), m, m, without_.data(), active_, pressure_, work) > 0;
-  for (std::size_t i = 0; i < m; ++i) change_[i] = lower_[i] + static_cast<float>(pressure_[i]);
+  for (std::size_t i = 0; i < m; ++i) change_[i] = from(i) + static_cast<float>(pressure_[i]);
   return solved;
 }
 
@@ -179,11 +192,11 @@ ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<
   linearise(block, points);
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& c = points[i];
-    start_[i] = std::max(0.0, c.normal.dot(c.force));
+    start_[i] = start_of(c, c.force);
     gap_[i] = scale_[i] * (c.gap / c.slope - c.normal.dot(c.u));
   }
   for (std::size_t j = 0; j < m; ++j)
-    if (start_[j] > 0) {
+    if (start_[j] != 0) {
       const double p = start_[j] / scale_[j];
       const float* row = normal_compliance_.data() + j * ld_;
       for (std::size_t i = 0; i < m; ++i) gap_[i] += p * static_cast<double>(row[i]);
@@ -202,12 +215,12 @@ void ContactSolver::measure(std::span<const PlacedShape> shapes, std::span<const
   for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
     gone_[i] = c.path;
-    const Gap g = reached_[i] =
-        gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u_[i], &gone_[i]);
-    s.residual = std::max(s.residual, pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
+    const Gap g = reached_[i] = gap_of(shapes, c, u_[i], &gone_[i]);
+    s.residual = std::max(s.residual, c.grasped || pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
+    s.largest = std::max(s.largest, std::abs(pressure_[i]));
+    if (c.grasped) continue;
     s.turned += pressure_[i] * (g.normal - c.normal).norm();
     s.total += pressure_[i];
-    s.largest = std::max(s.largest, pressure_[i]);
   }
 }
 
@@ -221,7 +234,7 @@ void ContactSolver::relinearise(std::span<const PlacedShape> shapes, std::span<C
     if (measured && c.u == u_[i])
       c.path = gone_[i];
     else
-      g = gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + c.u, &c.path);
+      g = gap_of(shapes, c, c.u, &c.path);
     c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
   }
 }
@@ -233,7 +246,7 @@ double ContactSolver::merit(std::span<const PlacedShape> shapes, std::span<const
   for (std::size_t i = 0; i < points.size(); ++i) {
     energy += 0.5 * trial_[i].dot(trial_force_[i]);
     const double gap = distance_of(shapes, points[i], trial_[i]);
-    inside += std::max(0.0, -gap) / points[i].slope;
+    inside += (points[i].grasped ? std::abs(gap) : std::max(0.0, -gap)) / points[i].slope;
   }
   return energy + penalty * inside;
 }

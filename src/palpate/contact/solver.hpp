@@ -15,7 +15,8 @@
 
 namespace palpate {
 
-// A node that may touch a shape. Organ frame.
+// A node that may touch a shape. Organ frame. A grasped node is three points, one for each axis, which is
+// their normal: their displacement along it is given (`reference`), their pressure may pull.
 struct ContactPoint {
   Index node = -1;  // surface node
   Index row = -1;   // its row in the compliance
@@ -31,17 +32,26 @@ struct ContactPoint {
   // Friction: whether the point touched before, and its displacement if it has not slipped since, m.
   bool held = false;
   Vec3 reference = Vec3::Zero();
-  bool sticks = false;  // out: friction below its limit
-  Path path;            // in, how it comes to where it is; out, when it is there
+  bool sticks = false;   // out: friction below its limit
+  bool grasped = false;  // then `reference` is the displacement
+  Path path;             // in, how it comes to where it is; out, when it is there
 };
 
 // From the point, displaced by u, to its instrument, by its path.
-inline Gap gap_of(std::span<const PlacedShape> shapes, const ContactPoint& c, const Vec3& u) noexcept {
-  return gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u);
+inline Gap gap_of(std::span<const PlacedShape> shapes, const ContactPoint& c, const Vec3& u,
+                  Path* gone = nullptr) noexcept {
+  if (c.grasped) return {c.normal.dot(u - c.reference), c.normal, 1};
+  return gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u, gone);
 }
 inline double distance_of(std::span<const PlacedShape> shapes, const ContactPoint& c,
                           const Vec3& u) noexcept {
   return gap_of(shapes, c, u).distance;
+}
+
+// What a point's pressure begins with, N.
+inline double start_of(const ContactPoint& c, const Vec3& force) noexcept {
+  const double p = c.normal.dot(force);
+  return c.grasped ? p : std::max(0.0, p);
 }
 
 struct SolverLimits {
@@ -57,12 +67,13 @@ struct SolveResult {
 // Work space for a number of contact points, allocated once.
 class ContactSolver {
  public:
-  // capacity: of points; plane: of the blocks it will be given.
-  ContactSolver(std::size_t capacity, std::size_t plane);
+  // capacity: of points; nodes: so many of them distinct; plane: of the blocks it will be given.
+  ContactSolver(std::size_t capacity, std::size_t nodes, std::size_t plane);
   std::size_t capacity() const noexcept { return capacity_; }
 
-  // gap >= 0, pressure >= 0, gap * pressure = 0 at every point; forces along the shape's normal (no
-  // friction). The order of the points decides the bits, that of the block's slots does not.
+  // gap >= 0, pressure >= 0, gap * pressure = 0 at every point, of grasped ones gap = 0; forces along the
+  // shape's normal (no friction). The order of the points decides the bits, that of the block's slots does
+  // not.
   SolveResult unilateral(const ContactBlock& block, std::span<const PlacedShape> shapes,
                          std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
   // The same with friction: |f_t| <= mu p, and where a held point slips, f_t = -mu p along the slip from its
@@ -80,10 +91,10 @@ class ContactSolver {
   static constexpr int window = 5;  // iterates Anderson's acceleration looks back on
   struct Step {
     bool solved = false;  // the complementarity problem was
-    double residual = 0;  // m, largest violation of gap >= 0 and gap * pressure = 0
+    double residual = 0;  // m, largest violation of the gaps' conditions
     double turned = 0;    // N, pressure times turn of the normal, summed
-    double total = 0;     // N, sum of the pressures
-    double largest = 0;   // N
+    double total = 0;     // N, sum of the pressures that are not a grip's
+    double largest = 0;   // N, of all
   };
   struct Column {  // differences between a proposal and the one before
     std::vector<Vec3> u, force, change;
@@ -94,7 +105,7 @@ class ContactSolver {
   Step propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
                std::span<const ContactPoint> points, double tolerance) noexcept;
   bool find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept;
-  bool pivot(std::size_t m) noexcept;
+  bool pivot(std::span<const ContactPoint> points) noexcept;
   void measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points, Step& s) noexcept;
   void relinearise(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
                    bool measured) noexcept;
@@ -127,7 +138,7 @@ class ContactSolver {
   std::vector<double> gap_;             // of each point at its pressure so far, linearised, times scale_
   std::vector<double> start_;           // and these pressures, N
   std::vector<double> without_;         // gaps without any pressure, times scale_
-  HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 capacity)^2
+  HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 nodes)^2
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
   std::vector<double> along_;           // of each slot, in planes

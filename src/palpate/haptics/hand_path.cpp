@@ -41,8 +41,10 @@ HandPath::HandPath(const std::string& file) {
                 hash == std::string::npos ? "instrument" : "instrument '" + file.substr(hash + 1) + "'");
   const Motion motion = read_motion(path, names).motion;
   times_ = motion.times;
-  for (const std::vector<Pose>& key : motion.poses)
-    poses_.push_back(key[static_cast<std::size_t>(which - names.begin())]);
+  const auto i = static_cast<std::size_t>(which - names.begin());
+  for (const std::vector<Pose>& key : motion.poses) poses_.push_back(key[i]);
+  buttons_.assign(times_.size(), 0);
+  for (std::size_t k = 0; k < motion.grips.size(); ++k) buttons_[k] = motion.grips[k][i];
 }
 
 DeviceSample HandPath::at(double time) const noexcept {
@@ -50,6 +52,7 @@ DeviceSample HandPath::at(double time) const noexcept {
       static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
   DeviceSample sample;
   sample.connected = true;
+  if (after > 0) sample.buttons = buttons_[after - 1];
   if (after == 0 || after == times_.size()) {
     sample.pose = after == 0 ? poses_.front() : poses_.back();
     return sample;

@@ -11,7 +11,7 @@ namespace palpate {
 class HandPath {
  public:
   // "FILE.csv" or "FILE.csv#INSTRUMENT"; the first instrument in the header unless named. Columns as in
-  // read_motion (scene.hpp): s, m. Error(usage | file | format) with the line.
+  // read_motion (scene.hpp): s, m; NAME.grip is button 0. Error(usage | file | format) with the line.
   explicit HandPath(const std::string& file);
 
   double begin() const noexcept { return times_.front(); }  // s
@@ -22,6 +22,7 @@ class HandPath {
  private:
   std::vector<double> times_;
   std::vector<Pose> poses_;
+  std::vector<std::uint32_t> buttons_;
 };
 
 }  // namespace palpate

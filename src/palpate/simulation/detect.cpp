@@ -58,7 +58,7 @@ namespace {
 bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
                const Path& path, const Vec3& force = Vec3::Zero()) {
   Index& place = w.point_of[instrument * model.organ.surface_size() + at(node)];
-  if (place >= 0) return true;
+  if (place >= 0 || w.grasped[at(node)]) return true;
   if (w.points.size() >= w.capacity) return false;
   place = static_cast<Index>(w.points.size());
   ContactPoint c;
@@ -72,8 +72,10 @@ bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instr
 }
 
 void forget_points(const Model& model, StepScratch& w) {
-  for (const ContactPoint& c : w.points)
+  for (const ContactPoint& c : w.points) {
     w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)] = -1;
+    w.grasped[at(c.node)] = 0;
+  }
   w.points.clear();
 }
 
@@ -82,7 +84,7 @@ void forget_points(const Model& model, StepScratch& w) {
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
   for (Index other = 0; other < c.instrument; ++other)
     if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0) return false;
-  return true;
+  return &c == &w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
 }
 
 void hold(const Model& model, State& state, For what) {
@@ -218,7 +220,7 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
   for (const Index node : candidates) {
-    if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0) continue;
+    if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
     double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;
@@ -228,13 +230,40 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   }
 }
 
+// What the instruments hold: three points a node, before all others.
+void add_grasped(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  const Loads& loads = state.loads;
+  for (const Grasp& g : state.grasps) {
+    if (w.points.size() + 3 > w.capacity) {
+      state.status |= too_many_contacts;
+      return;
+    }
+    add_point(model, w, g.node, at(g.instrument), displacement(model, state, g.node), {});
+    w.grasped[at(g.node)] = 1;
+    ContactPoint c = w.points.back();
+    w.points.pop_back();
+    c.grasped = true;
+    c.reference = w.shapes[at(g.instrument)].to_organ * g.place - c.rest;
+    const auto end = loads.rows.begin() + static_cast<std::ptrdiff_t>(loads.count);
+    const auto row = std::find(loads.rows.begin(), end, c.row);
+    const Vec3 force = row == end ? Vec3(Vec3::Zero()) : *(loads.forces.begin() + (row - loads.rows.begin()));
+    for (int a = 0; a < 3; ++a) {
+      c.normal = Vec3::Unit(a), c.force = force[a] * c.normal;
+      w.points.push_back(c);
+    }
+  }
+}
+
 }  // namespace
 
 void detect(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
+  add_grasped(model, state);
   for (const Contact& c : state.contacts)
-    if (c.instrument >= 0 && at(c.instrument) < w.shapes.size() && model.settings.mode == Mode::unilateral)
+    if (!w.grasped[at(c.node)] && c.instrument >= 0 && at(c.instrument) < w.shapes.size() &&
+        model.settings.mode == Mode::unilateral)
       if (add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node),
                     w.sweeps[at(c.instrument)].known ? path_from(w.shapes[at(c.instrument)], c.from) : Path{},
                     c.force_in_organ)) {
@@ -285,7 +314,8 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const bool all_near =
       model.settings.mode == Mode::unilateral && (drifted - w.drifted_before) * w.softest <= w.reach;
   state.deepest_after = 0;
-  for (const ContactPoint& c : w.points) state.deepest_after = std::max(state.deepest_after, -c.gap);
+  for (const ContactPoint& c : w.points)
+    state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (!all_near) {
       find_candidates(model, state, surface, i, -w.tolerance, drifted);

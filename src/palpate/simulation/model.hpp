@@ -29,7 +29,8 @@ Mode parse_mode(const std::string& text);  // Error(usage) lists them
 struct Settings {
   Mode mode = Mode::unilateral;
   double tolerance = 1e-6;  // of the gaps, relative to the organ's size (diagonal of its box)
-  int max_contacts = 1000;  // beyond it: status too_many_contacts, the deepest are kept
+  // A grasped node counts as three. Beyond it: status too_many_contacts, the rest is left out.
+  int max_contacts = 1000;
   // Of the gap function in a tick; beyond it: status not_converged, the next tick goes on.
   int max_relinearisations = 100;
   double friction = 0;            // Coulomb's coefficient between organ and instruments; mode unilateral
@@ -46,15 +47,16 @@ struct Model {
 struct Input {
   double time = 0;  // s, kept for the record; the statics do not use it
   Pose organ;       // of the anchor's frame: moving it moves the whole body without deforming it
-  std::vector<Pose> instruments;  // one an instrument, world
+  std::vector<Pose> instruments;    // one an instrument, world
+  std::vector<std::uint8_t> grips;  // one an instrument, not 0: it grips (Grasp); or empty: none does
 };
 
 enum StatusBits : std::uint32_t {
   status_ok = 0,
   not_converged = 1,      // tolerance not reached within max_relinearisations
   too_many_contacts = 2,  // more than max_contacts
-  bad_input = 4,  // a pose that is no number or 1,000 km away, wrong number of poses: the tick was skipped,
-                  // the state kept
+  bad_input = 4,  // a pose that is no number or 1,000 km away, wrong number of poses or grips: the tick was
+                  // skipped, the state kept
   anchor_touched =
       8,  // an instrument reaches into anchored nodes, which cannot give way; no force comes from there
   strain_beyond_linear = 16  // a warning of step(): the surface is strained by more than linear_strain
@@ -70,6 +72,17 @@ struct Contact {
       Vec3::Zero();       // where on the instrument it is, or if inside where it came in, instrument frame, m
   double gap_before = 0;  // m, of the node at rest: minus the penetration depth
   double gap_after = 0;   // m, after the solve
+  bool grasped = false;   // held by the instrument's grip; the force may pull
+};
+
+// A node that an instrument's grip holds (mode unilateral): it goes with the instrument, however that moves
+// and turns, and no other instrument touches it. An instrument that grips and holds nothing grasps the nodes
+// it presses on, at the end of a tick. It lets go of all when it no longer grips, and when it is put
+// elsewhere (State::placed).
+struct Grasp {
+  Index node = -1;  // surface node
+  Index instrument = -1;
+  Vec3 place = Vec3::Zero();  // of the node, instrument frame, m
 };
 
 struct Wrench {
@@ -92,6 +105,7 @@ struct State {
   Surface surface;                // what step() makes of the loads; tick() leaves it alone
   Loads loads;                    // of this tick: the contacts' forces as the compliance takes them
   std::vector<Contact> contacts;  // of this tick: the nodes with a force
+  std::vector<Grasp> grasps;      // that the next tick begins with
   std::vector<Wrench> wrenches;   // one an instrument
   double deepest_before = 0;      // m, largest penetration at rest of a node with a force, >= 0
   double deepest_after = 0;       // m, largest penetration left

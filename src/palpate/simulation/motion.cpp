@@ -57,6 +57,19 @@ Pose read_pose(const std::vector<double>& row, const PoseColumns& columns, doubl
   return pose;
 }
 
+// One key's, where there are such columns.
+void read_grips(const std::vector<double>& row, const std::vector<int>& columns, const std::string& where,
+                std::vector<std::vector<std::uint8_t>>& grips) {
+  if (std::all_of(columns.begin(), columns.end(), [](int c) { return c < 0; })) return;
+  std::vector<std::uint8_t>& out = grips.emplace_back();
+  for (const int c : columns) {
+    const double value = c < 0 ? 0 : row[static_cast<std::size_t>(c)];
+    if (value != 0 && value != 1)
+      throw Error(ErrorKind::format, "{}: a grip is {}; 1 is closed, 0 open", where, value);
+    out.push_back(value != 0);
+  }
+}
+
 Pose between(const Pose& a, const Pose& b, double t) {
   return {a.rotation.slerp(t, b.rotation), a.translation + t * (b.translation - a.translation)};
 }
@@ -69,6 +82,7 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
   std::vector<std::string> bodies = instruments;
   bodies.insert(bodies.end(), organs.begin(), organs.end());
   std::vector<PoseColumns> columns(bodies.size(), PoseColumns{-1, -1, -1, -1, -1, -1, -1});
+  std::vector<int> grip_columns(instruments.size(), -1);
   std::vector<std::string> header;
   int time_column = -1;
   MotionFile file;
@@ -90,10 +104,13 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
           for (std::size_t k = 0; k < 7; ++k)
             if (header[c] == bodies[b] + "." + pose_columns[k])
               columns[b][k] = static_cast<int>(c), known = true;
+        for (std::size_t i = 0; i < instruments.size(); ++i)
+          if (header[c] == instruments[i] + ".grip") grip_columns[i] = static_cast<int>(c), known = true;
         if (!known)
           throw Error(
               ErrorKind::format,
-              "{}:{}: column '{}' is unknown; use time and NAME.x .y .z .qw .qx .qy .qz with NAME one of {}",
+              "{}:{}: column '{}' is unknown; use time and NAME.x .y .z .qw .qx .qy .qz, of instruments "
+              ".grip, with NAME one of {}",
               path.string(), line_number, header[c], fmt::join(bodies, ", "));
       }
       if (time_column < 0)
@@ -113,10 +130,12 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
     file.motion.times.push_back(time);
     file.motion.poses.emplace_back();
     file.organs.emplace_back();
+    const std::string where = fmt::format("{}:{}", path.string(), line_number);
     for (std::size_t b = 0; b < bodies.size(); ++b)
       (b < instruments.size() ? file.motion.poses : file.organs)
           .back()
-          .push_back(read_pose(row, columns[b], unit, fmt::format("{}:{}", path.string(), line_number)));
+          .push_back(read_pose(row, columns[b], unit, where));
+    read_grips(row, grip_columns, where, file.motion.grips);
   }
   if (file.motion.times.empty())
     throw Error(ErrorKind::format, "{}: no poses; a header and at least one line are needed", path.string());
@@ -130,6 +149,8 @@ void write_motion(const std::filesystem::path& path, const MotionFile& file,
   std::string text = "time";
   for (const std::string& b : bodies)
     for (const char* c : pose_columns) text += "," + b + "." + c;
+  const bool grips = !file.motion.grips.empty();
+  for (std::size_t i = 0; i < instruments.size() && grips; ++i) text += "," + instruments[i] + ".grip";
   text += "\n";
   for (std::size_t k = 0; k < file.motion.times.size(); ++k) {
     text += fmt::format("{}", file.motion.times[k]);
@@ -139,6 +160,8 @@ void write_motion(const std::filesystem::path& path, const MotionFile& file,
       text += fmt::format(",{},{},{},{},{},{},{}", p.translation.x(), p.translation.y(), p.translation.z(),
                           p.rotation.w(), p.rotation.x(), p.rotation.y(), p.rotation.z());
     }
+    for (std::size_t i = 0; i < instruments.size() && grips; ++i)
+      text += fmt::format(",{}", file.motion.grips[k][i]);
     text += "\n";
   }
   AtomicFile out(path);
@@ -167,6 +190,10 @@ void set_input(const MotionFile& file, double time, Input& input, std::size_t or
   input.organ = between(file.organs[a][organ], file.organs[b][organ], t);
   for (std::size_t i = 0; i < std::min(input.instruments.size(), file.motion.poses[a].size()); ++i)
     input.instruments[i] = between(file.motion.poses[a][i], file.motion.poses[b][i], t);
+  input.grips.resize(input.instruments.size());
+  for (std::size_t i = 0; i < input.grips.size(); ++i)
+    input.grips[i] = after > 0 && i < file.motion.poses[a].size() && !file.motion.grips.empty() &&
+                     file.motion.grips[a][i] != 0;
 }
 
 }  // namespace palpate

@@ -22,7 +22,10 @@ std::vector<State> make_states(std::span<const Model> models) {
 
 std::vector<Input> make_inputs(std::span<const Model> models) {
   std::vector<Input> inputs(models.size());
-  for (std::size_t i = 0; i < models.size(); ++i) inputs[i].instruments.resize(models[i].instruments.size());
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    inputs[i].instruments.resize(models[i].instruments.size());
+    inputs[i].grips.resize(models[i].instruments.size());
+  }
   return inputs;
 }
 

@@ -13,12 +13,16 @@ namespace palpate {
 // A state an organ. Throws Error(usage) where there is no organ or the instruments are not the same in all
 // (names in their order), and what make_state throws.
 std::vector<State> make_states(std::span<const Model> models);
-// An input an organ, everything at the origin.
+// An input an organ, everything at the origin, no grip closed.
 std::vector<Input> make_inputs(std::span<const Model> models);
 
 // Puts an instrument to a pose, in the world, for all organs.
 inline void place(std::span<Input> inputs, std::size_t instrument, const Pose& pose) noexcept {
   for (Input& input : inputs) input.instruments[instrument] = pose;
+}
+// Closes or opens an instrument's grip, for all organs: it may hold nodes of several.
+inline void grip(std::span<Input> inputs, std::size_t instrument, bool closed) noexcept {
+  for (Input& input : inputs) input.grips[instrument] = closed;
 }
 // A tick of each organ, and its surface. Never throws, allocates or locks.
 inline void step(std::span<const Model> models, std::span<State> states,
@@ -32,6 +36,15 @@ inline Wrench wrench_of(std::span<const State> states, std::size_t instrument) n
     sum.force += state.wrenches[instrument].force;
     sum.torque += state.wrenches[instrument].torque;
   }
+  return sum;
+}
+
+// How many nodes it holds in this tick.
+inline std::size_t grasped_by(std::span<const State> states, std::size_t instrument) noexcept {
+  std::size_t sum = 0;
+  for (const State& state : states)
+    for (const Contact& c : state.contacts)
+      sum += c.grasped && c.instrument == static_cast<Index>(instrument);
   return sum;
 }
 

@@ -107,6 +107,9 @@ void ContactSummary::add(double time, std::span<const State> states, const Error
   if (bar.total() > largest_bar.total()) largest_bar = bar;
   if (status & palpate::not_converged) ++not_converged;
   contacts_max = std::max(contacts_max, contacts);
+  std::size_t grasped = 0;
+  for (std::size_t i = 0; i < states[0].wrenches.size(); ++i) grasped += grasped_by(states, i);
+  grasped_max = std::max(grasped_max, grasped);
   contacts_mean += static_cast<double>(contacts);  // a sum, until finish()
   if (contacts > 0) ++steps_in_contact;
   for (std::size_t i = 0; i < states[0].wrenches.size(); ++i) {
@@ -126,7 +129,7 @@ Recorder::Recorder(std::filesystem::path folder, std::span<const Model> models,
   forces_ = "step,time_s,contacts,deepest_before_m,deepest_after_m,relinearisations,status,step_ms";
   const auto wrench_columns = [&](const std::string& of) {
     for (const Instrument& i : models[0].instruments)
-      for (const char* c : {"fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm"})
+      for (const char* c : {"fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm", "grasped"})
         forces_ += "," + of + i.name + "." + c;
   };
   wrench_columns("");
@@ -158,8 +161,8 @@ void Recorder::add(std::size_t step, std::span<const Input> inputs, std::span<co
   const auto wrenches = [&](std::span<const State> of) {
     for (std::size_t i = 0; i < of[0].wrenches.size(); ++i) {
       const Wrench w = wrench_of(of, i);
-      forces_ += fmt::format(",{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{:.7g}", w.force.x(), w.force.y(),
-                             w.force.z(), w.torque.x(), w.torque.y(), w.torque.z());
+      forces_ += fmt::format(",{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{}", w.force.x(), w.force.y(),
+                             w.force.z(), w.torque.x(), w.torque.y(), w.torque.z(), grasped_by(of, i));
     }
   };
   wrenches(states);
@@ -213,6 +216,7 @@ std::string summary_table(const RunSummary& s) {
   row("steps", fmt::format("{}", s.steps));
   row("surface nodes", fmt::format("{}", s.surface_nodes));
   row("contacts, mean / most", fmt::format("{:.0f} / {}", s.contacts_mean, s.contacts_max));
+  if (s.grasped_max > 0) row("nodes in a grip, most", fmt::format("{}", s.grasped_max));
   row("deepest penetration before", fmt::format("{:.3f} mm", 1e3 * s.deepest_before));
   row("left over after the solve", fmt::format("{:.2g} mm", 1e3 * s.deepest_after));
   row("peak force",
@@ -251,6 +255,7 @@ std::string summary_json(const RunSummary& s) {
     return json{{"surface_nodes", c.surface_nodes},
                 {"contacts_mean", c.contacts_mean},
                 {"contacts_max", c.contacts_max},
+                {"grasped_max", c.grasped_max},
                 {"deepest_before_m", c.deepest_before},
                 {"deepest_after_m", c.deepest_after},
                 {"peak_force_N", c.peak_force},

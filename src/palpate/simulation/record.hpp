@@ -14,6 +14,7 @@ namespace palpate {
 struct ContactSummary {
   std::size_t surface_nodes = 0, not_converged = 0;  // the latter: steps
   std::size_t contacts_max = 0;
+  std::size_t grasped_max = 0;                   // nodes held by grips
   double contacts_mean = 0;                      // over the steps in contact
   double deepest_before = 0, deepest_after = 0;  // m, over the run
   double peak_force = 0;                         // N

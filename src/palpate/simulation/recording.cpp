@@ -1,5 +1,7 @@
 #include "palpate/simulation/recording.hpp"
 
+#include <algorithm>
+
 #include "palpate/base/error.hpp"
 #include "palpate/base/hash.hpp"
 #include "palpate/io/container.hpp"
@@ -8,7 +10,8 @@ namespace palpate {
 
 namespace {
 
-constexpr int recording_version = 2;  // 1: of one organ, and still written for one
+// 1: of one organ, 2: of several, both still written for what has no grip.
+constexpr int recording_version = 3;
 
 void put(const Pose& p, std::vector<double>& out) {
   const Eigen::Quaterniond& q = p.rotation;
@@ -51,6 +54,11 @@ std::uint64_t state_hash(const State& state) noexcept {
     hash.add_bytes(state.loads.forces[i].data(), 3 * sizeof(double));
     hash.add_bytes(state.loads.u[i].data(), 3 * sizeof(double));
   }
+  for (const Grasp& g : state.grasps) {
+    hash.add_bytes(&g.node, sizeof g.node);
+    hash.add_bytes(&g.instrument, sizeof g.instrument);
+    hash.add_bytes(g.place.data(), 3 * sizeof(double));
+  }
   for (const Wrench& w : state.wrenches) {
     hash.add_bytes(w.force.data(), 3 * sizeof(double));
     hash.add_bytes(w.torque.data(), 3 * sizeof(double));
@@ -66,6 +74,7 @@ Recording::Recording(std::span<const Model> models, std::uint64_t ticks)
     : organs_(models.size()), instruments_(models[0].instruments.size()), organ_(hash_of(models)) {
   times_.reserve(ticks);
   poses_.reserve(per_pose * bodies() * ticks);
+  grips_.reserve(instruments_ * ticks);
   hashes_.reserve(ticks / hash_every + 1);
 }
 
@@ -81,6 +90,8 @@ bool Recording::add(std::span<const Input> inputs, std::span<const State> states
   times_.push_back(inputs[0].time);
   for (const Input& input : inputs) put(input.organ, poses_);
   for (const Pose& p : inputs[0].instruments) put(p, poses_);
+  for (std::size_t i = 0; i < instruments_; ++i)
+    grips_.push_back(i < inputs[0].grips.size() && inputs[0].grips[i] != 0);
   last_ = state_hash(states);
   if (has_hash(times_.size() - 1)) hashes_.push_back(static_cast<std::int64_t>(last_));
   return true;
@@ -94,6 +105,8 @@ void Recording::set_inputs(std::uint64_t k, std::span<Input> inputs) const noexc
     inputs[i].organ = pose(organs + per_pose * i);
     for (std::size_t j = 0; j < inputs[i].instruments.size(); ++j)
       inputs[i].instruments[j] = pose(instruments + per_pose * j);
+    inputs[i].grips.assign(grips_.begin() + static_cast<std::ptrdiff_t>(instruments_ * k),
+                           grips_.begin() + static_cast<std::ptrdiff_t>(instruments_ * (k + 1)));
   }
 }
 
@@ -103,15 +116,19 @@ bool Recording::agrees(std::uint64_t k, std::span<const State> states) const noe
 }
 
 void Recording::write(const std::filesystem::path& path, const std::string& provenance) const {
-  ContainerWriter out(path, "recording", organs_ == 1 ? 1 : recording_version);
+  const bool gripped = std::find(grips_.begin(), grips_.end(), 1) != grips_.end();
+  ContainerWriter out(path, "recording", gripped ? recording_version : organs_ == 1 ? 1 : 2);
   out.attribute("provenance", provenance);
   out.attribute("organ_hash", static_cast<std::int64_t>(organ_));
-  if (organs_ > 1) out.attribute("organs", static_cast<std::int64_t>(organs_));
+  if (organs_ > 1 || gripped) out.attribute("organs", static_cast<std::int64_t>(organs_));
   out.attribute("instruments", static_cast<std::int64_t>(instruments_));
   out.attribute("last_hash", static_cast<std::int64_t>(last_));
   out.array<double>("time", times_, {times_.size()}, "s", "of each tick");
   out.array<double>("poses", poses_, {times_.size(), bodies(), per_pose}, "m, 1",
                     "position and quaternion (w x y z) of the organs and the instruments in each tick");
+  if (gripped)
+    out.array<std::uint8_t>("grips", grips_, {times_.size(), instruments_}, "",
+                            "1 where an instrument's grip is closed in each tick");
   out.array<std::int64_t>("hashes", hashes_, {hashes_.size()}, "",
                           "of the state after every thousandth tick; of the last: attribute last_hash");
   out.commit();
@@ -133,8 +150,11 @@ Recording Recording::read(const std::filesystem::path& path) {
   r.last_ = static_cast<std::uint64_t>(in.integer("last_hash"));
   r.times_ = in.vector<double>("time");
   r.poses_ = in.vector<double>("poses");
+  r.grips_.assign(r.times_.size() * r.instruments_, 0);
+  if (in.version() > 2) r.grips_ = in.vector<std::uint8_t>("grips");
   r.hashes_ = in.vector<std::int64_t>("hashes");
   require(r.poses_.size() == per_pose * r.bodies() * r.times_.size(), "poses do not match the times");
+  require(r.grips_.size() == r.instruments_ * r.times_.size(), "grips do not match the times");
   require(r.hashes_.size() == r.times_.size() / hash_every, "hashes do not match the times");
   return r;
 }

@@ -29,7 +29,7 @@ class Recording {
     return add(std::span(&input, 1), std::span(&state, 1));
   }
   std::uint64_t ticks() const noexcept { return times_.size(); }
-  // Tick k's input, into one an organ that has its instruments.
+  // Tick k's input, into one an organ that has its instruments and grips.
   void set_inputs(std::uint64_t k, std::span<Input> inputs) const noexcept;
   void set_input(std::uint64_t k, Input& input) const noexcept { set_inputs(k, std::span(&input, 1)); }
   // Whether the state after tick k is the one that was recorded; true for ticks without a hash.
@@ -44,7 +44,7 @@ class Recording {
   bool made_with(std::span<const Model> models) const noexcept;
 
   // HDF5, container kind "recording": time, poses (ticks x bodies x 7: position, quaternion w x y z; the
-  // organs first), hashes.
+  // organs first), grips (ticks x instruments; where one was ever closed), hashes.
   void write(const std::filesystem::path& path, const std::string& provenance) const;
   static Recording read(const std::filesystem::path& path);  // Error(file | format)
 
@@ -57,6 +57,7 @@ class Recording {
   std::size_t organs_ = 1, instruments_ = 0;
   std::uint64_t organ_ = 0;
   std::vector<double> times_, poses_;
+  std::vector<std::uint8_t> grips_;   // [tick][instrument]
   std::vector<std::int64_t> hashes_;  // after ticks 999, 1999, ... and the last one
   std::uint64_t last_ = 0;            // hash after the last tick
 };

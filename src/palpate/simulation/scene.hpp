@@ -14,9 +14,12 @@ namespace palpate {
 struct Motion {
   std::vector<double> times;             // s, increasing
   std::vector<std::vector<Pose>> poses;  // [key][instrument]
+  // Likewise, not 0: the grip is closed from this key on. Or empty: none ever is.
+  std::vector<std::vector<std::uint8_t>> grips;
 };
 // Header line names the columns: time, NAME.x, NAME.y, NAME.z, NAME.qw, NAME.qx, NAME.qy, NAME.qz
-// (an instrument's name or an organ's). Missing columns: fixed. Error(format) with the line.
+// (an instrument's name or an organ's), and of an instrument NAME.grip, 0 or 1. Missing columns: fixed, open.
+// Error(format) with the line.
 struct MotionFile {
   Motion motion;                          // of the instruments, in the given order
   std::vector<std::vector<Pose>> organs;  // [key][organ]
@@ -27,7 +30,7 @@ void write_motion(const std::filesystem::path& path, const MotionFile& motion,
                   const std::vector<std::string>& instruments,
                   const std::vector<std::string>& organs = {"organ"});
 Input input_at(const MotionFile& motion, double time, std::size_t organ = 0);
-// The same without allocating, into an input that has its instruments; into one an organ.
+// The same without allocating, into an input that has its instruments and grips; into one an organ.
 void set_input(const MotionFile& motion, double time, Input& input, std::size_t organ = 0) noexcept;
 void set_inputs(const MotionFile& motion, double time, std::span<Input> inputs) noexcept;
 

@@ -23,7 +23,7 @@ State make_state(const Model& model) {
       throw Error(ErrorKind::usage, "instrument '{}' has an empty lattice", instrument.name);
 
   const auto capacity = std::min<std::size_t>(static_cast<std::size_t>(model.settings.max_contacts),
-                                              s * std::max<std::size_t>(instruments, 1));
+                                              s * std::max<std::size_t>(instruments, 3));
   State state;
   state.surface = make_surface(organ);
   state.loads = Loads(s);
@@ -45,6 +45,8 @@ State make_state(const Model& model) {
   state.placed.reserve(instruments);
   w.points.reserve(capacity);
   w.point_of.assign(s * instruments, -1);
+  state.grasps.reserve(std::min(capacity / 3, s));
+  w.grasped.assign(s, 0);
   w.candidates.reserve(s);
   w.near.reserve(s);
   w.is_near.assign(s, 0);
@@ -74,12 +76,13 @@ bool sensible(const Pose& p) {
 }
 
 bool valid(const Model& model, const Input& input) {
-  bool ok = input.instruments.size() == model.instruments.size() && sensible(input.organ);
+  bool ok = input.instruments.size() == model.instruments.size() && sensible(input.organ) &&
+            (input.grips.empty() || input.grips.size() == model.instruments.size());
   for (const Pose& p : input.instruments) ok = ok && sensible(p);
   return ok;
 }
 
-// The points' forces become the loads; a node touched by two instruments is one.
+// The points' forces become the loads; a node touched by two instruments, or grasped, is one.
 void take_loads(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   Loads& loads = state.loads;
@@ -139,17 +142,20 @@ void report(State& state, const Input& input) {
   StepScratch& w = *state.scratch;
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
-  for (const ContactPoint& p : w.points) {
+  for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
+    const ContactPoint& p = w.points[i];
     const PlacedShape& shape = w.shapes[at(p.instrument)];
-    if (p.force == Vec3::Zero()) continue;
+    const Vec3 force = p.grasped ? Vec3(p.force + w.points[i + 1].force + w.points[i + 2].force) : p.force;
+    if (force == Vec3::Zero()) continue;
     Contact c;
+    c.grasped = p.grasped;
     c.node = p.node, c.instrument = p.instrument;
     c.gap_before = shape.distance(p.rest);
-    c.gap_after = p.gap;
     const Vec3 now = p.rest + p.u;
+    c.gap_after = p.grasped ? shape.distance(now) : p.gap;
     c.from = p.path.known ? p.path.from : Vec3(shape.to_shape * now);
     c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
-    c.force_in_organ = p.force, c.force = state.organ.rotation * p.force;
+    c.force_in_organ = force, c.force = state.organ.rotation * force;
     state.contacts.push_back(c);
     state.deepest_before = std::max(state.deepest_before, -c.gap_before);
     Wrench& wrench = state.wrenches[at(p.instrument)];
@@ -181,12 +187,14 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
     case Mode::prescribed: {
       Timer timer = wall_timer();
       see_anchored(model, state);
+      let_go(state, input);
       model.settings.mode == Mode::prescribed ? detect_at_rest(model, state, surface)
                                               : detect(model, state, surface);
       state.times.detect = timer.seconds();
       timer = wall_timer();
       solve(model, state, surface);
       report(state, input);
+      if (model.settings.mode == Mode::unilateral) grasp(model, state, input);
       state.times.solve = timer.seconds();
       break;
     }

@@ -25,7 +25,7 @@ struct StepScratch {
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
               compliance.nodes()),
-        solver(most, block.plane()),
+        solver(most, block.capacity(), block.plane()),
         deformer(model.organ),
         capacity(most),
         placed_u(3 * block.plane()),
@@ -49,6 +49,7 @@ struct StepScratch {
   std::vector<Index> before_slots;            // of its rows
   std::vector<ContactPoint> points;           // may touch in this tick
   std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
+  std::vector<std::uint8_t> grasped;          // of each node: among the points, in a grip
   std::vector<Index> candidates;              // nodes that may be near an instrument
   std::vector<Index> near;                    // all of this tick, each once
   std::vector<std::uint8_t> is_near;          // of each node: among `near`
@@ -78,7 +79,7 @@ void place(const Model& model, State& state, const Input& input);
 enum class For { loads, points };
 void hold(const Model& model, State& state, For what);
 void forget_near(StepScratch& w);
-// Whether no other instrument's point of the same node comes before this one.
+// Whether no other point of the same node comes before this one.
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c);
 // The nodes with a force in the last tick, and all nodes near an instrument where the surface is now.
 void detect(const Model& model, State& state, const Surface& surface);
@@ -89,6 +90,13 @@ void see_anchored(const Model& model, State& state);
 // Nodes that were not among the points and lie inside an instrument now become points too. True when there
 // were any.
 bool add_swallowed(const Model& model, State& state, const Surface& surface);
+
+// grip.cpp
+
+// Before the forces: grips that opened, or whose instrument was put elsewhere, hold nothing any more.
+void let_go(State& state, const Input& input);
+// After the forces: instruments that grip and hold nothing grasp what they press on.
+void grasp(const Model& model, State& state, const Input& input);
 
 // modes.cpp
 

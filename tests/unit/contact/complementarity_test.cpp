@@ -68,5 +68,41 @@ TEST(Complementarity, ConditionsHoldOnRandomAndIllConditionedSystems) {
   }
 }
 
+// Bilateral rows: w = 0 there, p of any sign, whatever the others do.
+TEST(Complementarity, BilateralRows) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  int pulling = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const int n = 2 + trial % 40;
+    const Matrix a = random_spd(n, random, 0.1);
+    const Eigen::VectorXd b = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
+    std::vector<std::uint8_t> active(static_cast<std::size_t>(n)), given,
+        factored(active.size(), not_factored);
+    for (auto& x : active) x = static_cast<std::uint8_t>(random() % 3);
+    given = active;
+    std::vector<double> p(active.size()), matrix(active.size() * active.size()), vector(p.size());
+    std::vector<std::int32_t> index(p.size());
+    for (int again = 0; again < 2; ++again) {
+      ASSERT_GT(solve_complementarity(a.data(), p.size(), p.size(), b.data(), active, p,
+                                      {matrix, vector, index, factored}, 1000),
+                0)
+          << trial;
+      const Eigen::VectorXd w = a * Eigen::Map<Eigen::VectorXd>(p.data(), n) + b;
+      for (int i = 0; i < n; ++i) {
+        const auto k = static_cast<std::size_t>(i);
+        EXPECT_EQ(active[k] == bilateral, given[k] == bilateral);
+        EXPECT_TRUE(given[k] == bilateral || p[k] >= 0);
+        EXPECT_GE(w[i], -1e-7);
+        if (given[k] == bilateral || p[k] > 0) {
+          EXPECT_LT(std::abs(w[i]), 1e-7);
+        }
+        pulling += p[k] < 0;
+      }
+    }
+  }
+  EXPECT_GT(pulling, 200);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -16,7 +16,9 @@ TEST(Haptics, TheLoopAllocatesNothing) {
   void* volatile block = std::malloc(8);
   std::free(block);
   ASSERT_GT(thread_allocations, before);  // it does count
-  const MotionText file("time,hand.z,hand.qw,hand.qx\n0,0.115,1,0\n0.1,0.105,1,0.2\n0.2,0.115,1,0\n");
+  const MotionText file(
+      "time,hand.z,hand.qw,hand.qx,hand.grip\n0,0.115,1,0,0\n0.1,0.105,1,0.2,1\n0.2,0.115,1,0,1\n0.21,0.115,"
+      "1,0,0\n");
   for (const std::string& driver : {file.device("replay"), file.device("loopback"), std::string("haply")}) {
     const auto device = open_device(driver);
     ForceLoop loop(block_model(4, Sphere{0.01}));

@@ -7,12 +7,15 @@
 namespace palpate {
 
 struct ForceLoop {
-  explicit ForceLoop(Model m) : model(std::move(m)), state(make_state(model)), input(at(Vec3::Zero())) {}
+  explicit ForceLoop(Model m) : model(std::move(m)), state(make_state(model)), input(at(Vec3::Zero())) {
+    input.grips = {0};
+  }
 
   // Reads, couples, steps, writes; returns what the hand felt.
   Wrench tick(HapticDevice& device, double dt = 1e-3) noexcept {
     sample = device.read();
     input.instruments[0] = couple(settings, coupling, sample, state.wrenches[0], dt);
+    input.grips[0] = sample.buttons != 0;
     step(model, state, input);
     const Wrench felt = hand_wrench(settings, coupling, state.wrenches[0]);
     device.write(felt);

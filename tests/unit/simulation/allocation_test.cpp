@@ -33,20 +33,26 @@ TEST(Step, AllocatesNothing) {
         }
         inputs.push_back(at(Vec3(0, 0, std::nan(""))));
         inputs.push_back({});
+        for (int k = 0; k < 30; ++k) {  // a grip closes, lifts, opens
+          inputs.push_back(at(Vec3(0, 0, 0.09 + half_height(shape) + 0.001 * std::max(0, k - 5))));
+          inputs.back().grips = {k < 25};
+        }
         inputs.push_back(at(Vec3(0, 0, 0.11)));  // a jump deep into it
         State state = make_state(model);
-        std::size_t most = 0, allocated = 0;
+        std::size_t most = 0, grasped = 0, allocated = 0;
         // A thread of its own, as the force loop has: what others have allocated for themselves is no help.
         std::jthread([&] {
           const std::size_t start = allocations;
           for (const Input& input : inputs) {
             step(model, state, input);
             most = std::max(most, state.contacts.size());
+            grasped = std::max(grasped, state.grasps.size());
           }
           allocated = allocations - start;
         }).join();
         EXPECT_EQ(allocated, 0u) << name(mode) << ' ' << storage_name(storage);
         EXPECT_GT(most, 3u) << name(mode) << ' ' << storage_name(storage);
+        EXPECT_EQ(grasped > 2, mode == Mode::unilateral) << storage_name(storage);
       }
   }
 }

@@ -1,0 +1,42 @@
+// What instruments hold: nodes that were under pressure when the grip closed go with the instrument, and may
+// pull at it, until it opens.
+#include <algorithm>
+
+#include "palpate/simulation/tick_work.hpp"
+
+namespace palpate {
+
+namespace {
+
+bool grips(const Input& input, Index instrument) {
+  return !input.grips.empty() && input.grips[at(instrument)] != 0;
+}
+
+}  // namespace
+
+void let_go(State& state, const Input& input) {
+  std::erase_if(state.grasps, [&](const Grasp& g) {
+    return !grips(input, g.instrument) || !state.scratch->sweeps[at(g.instrument)].known;
+  });
+}
+
+void grasp(const Model& model, State& state, const Input& input) {
+  StepScratch& w = *state.scratch;
+  const auto held = static_cast<std::ptrdiff_t>(state.grasps.size());
+  for (const Contact& c : state.contacts) {
+    const auto same = [&](const Grasp& g) { return g.instrument == c.instrument; };
+    if (!grips(input, c.instrument) || w.grasped[at(c.node)] ||
+        std::any_of(state.grasps.begin(), state.grasps.begin() + held, same))
+      continue;
+    if (state.contacts.size() + 2 * (state.grasps.size() + 1) > w.capacity) {
+      state.status |= too_many_contacts;
+      return;
+    }
+    const PlacedShape& shape = w.shapes[at(c.instrument)];
+    const Vec3 now = model.organ.contact_points[at(c.node)] + w.u[at(c.node)];
+    state.grasps.push_back({c.node, c.instrument, shape.to_shape * now});
+    w.grasped[at(c.node)] = 1;
+  }
+}
+
+}  // namespace palpate
