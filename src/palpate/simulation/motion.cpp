@@ -107,11 +107,11 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
         for (std::size_t i = 0; i < instruments.size(); ++i)
           if (header[c] == instruments[i] + ".grip") grip_columns[i] = static_cast<int>(c), known = true;
         if (!known)
-          throw Error(
-              ErrorKind::format,
-              "{}:{}: column '{}' is unknown; use time and NAME.x .y .z .qw .qx .qy .qz, of instruments "
-              ".grip, with NAME one of {}",
-              path.string(), line_number, header[c], fmt::join(bodies, ", "));
+          throw Error(ErrorKind::format,
+                      "{}:{}: column '{}' is unknown; use time and NAME.x .y .z .qw .qx .qy .qz with NAME "
+                      "one of {}; of "
+                      "instruments .grip, too",
+                      path.string(), line_number, header[c], fmt::join(bodies, ", "));
       }
       if (time_column < 0)
         throw Error(ErrorKind::format, "{}:{}: no column 'time'", path.string(), line_number);
