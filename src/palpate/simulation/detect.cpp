@@ -58,7 +58,7 @@ namespace {
 bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
                const Path& path, const Vec3& force = Vec3::Zero()) {
   Index& place = w.point_of[instrument * model.organ.surface_size() + at(node)];
-  if (place >= 0 || w.grasped[at(node)]) return true;
+  if (place >= 0) return true;
   if (w.points.size() >= w.capacity) return false;
   place = static_cast<Index>(w.points.size());
   ContactPoint c;

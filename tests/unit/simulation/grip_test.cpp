@@ -326,6 +326,27 @@ TEST_P(Grip, TwoInstrumentsHoldEachNodeOnce) {
   EXPECT_LT(state.wrenches[0].force.z(), 0);
 }
 
+TEST_P(Grip, OthersDoNotTouchWhatIsHeld) {
+  model.instruments.push_back({"other", Sphere{0.01}, {}});
+  state = make_state(model);
+  Input input = at(lifted(0));
+  input.instruments.push_back({Eigen::Quaterniond::Identity(), Vec3(0.03, 0, 0.13)});
+  input.grips = {closed, open};
+  go(input);
+  std::size_t inside = 0;
+  for (int k = 1; k <= 50; ++k) {
+    input.instruments[1].translation = Vec3(0.03 - 4e-4 * k, 0, 0.13 - 6e-4 * k);
+    go(input);
+    std::set<Index> nodes;
+    for (const Contact& c : state.contacts) {
+      EXPECT_TRUE(nodes.insert(c.node).second);
+      inside +=
+          c.grasped && (contact_point(model, state, c.node) - input.instruments[1].translation).norm() < 0.01;
+    }
+  }
+  EXPECT_GT(inside, 0u);
+}
+
 // Two organs, one ball between them that holds both: recorded, replayed, in the loop.
 TEST(Grips, OfSeveralOrgansAreRecordedAndReplayed) {
   std::vector<Model> models;
