@@ -43,7 +43,7 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_
       first_watched_((capacity + 15) / 16 * 16),
       plane_(first_watched_ + (watched + 15) / 16 * 16),
       values_(9 * capacity * plane_),
-      fetched_(9 * at_once * capacity),
+      fetched_(9 * at_once * std::max(capacity, watched)),
       slot_of_row_(rows, -1),
       row_of_slot_(plane_, -1),
       wanted_(plane_, 0) {
