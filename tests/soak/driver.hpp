@@ -11,17 +11,17 @@
 namespace palpate::soak {
 
 struct Met {
-  std::uint64_t bad_inputs = 0, touching = 0, not_converged = 0, full = 0, lost = 0;  // ticks
+  std::uint64_t bad_inputs = 0, touching = 0, not_converged = 0, full = 0, lost = 0, grasping = 0;  // ticks
 };
 
 class Driver {
  public:
   // coupled: a simulated hand with a device leads the first instrument.
-  Driver(const Model& model, std::uint64_t seed, std::uint64_t ticks, bool coupled);
+  Driver(std::span<const Model> models, std::uint64_t seed, std::uint64_t ticks, bool coupled);
 
-  // Force thread. The input of tick k, or false after the last. Then the state after it.
-  bool lead(std::uint64_t k, const State& before, Input& input);
-  void check(std::uint64_t k, const State& state);
+  // Force thread. The inputs of tick k, or false after the last. Then the states after it.
+  bool lead(std::uint64_t k, std::span<const State> before, std::span<Input> inputs);
+  void check(std::uint64_t k, std::span<const State> states);
   // Any one thread.
   void check_surface(const Surface& surface);
 
@@ -33,19 +33,26 @@ class Driver {
  private:
   static constexpr std::uint64_t leaving = 5;  // ticks at the end, all instruments a metre away
   void complain(std::uint64_t k, std::string text);
-  void lead_by_hand(const State& before, Input& input);
-  void add_fault(Input& input);
-  void check_hand(std::uint64_t k, const State& state);
+  struct Before {  // the tick under way, of an organ
+    bool must_refuse = false;
+    std::uint64_t loads = 0;
+    std::vector<Wrench> wrenches;
+  };
+  void lead_by_hand(std::span<const State> before, std::span<Input> inputs);
+  void add_fault(std::span<Input> inputs);
+  void check_one(std::uint64_t k, const State& state, const Before& before);
+  void check_grips(std::uint64_t k, const State& state);
+  void check_hand(std::uint64_t k, std::span<const State> states);
 
-  const Model& model_;
+  std::span<const Model> models_;
   Random random_;
   std::uint64_t ticks_;
   std::vector<Wanderer> ways_;
   Pose organ_;
-  // Of the tick under way.
-  bool must_refuse_ = false, away_ = false;
-  std::uint64_t loads_before_ = 0;
-  std::vector<Wrench> wrenches_before_;
+  std::vector<Vec3> beside_;  // where each organ is from there
+  std::vector<std::uint8_t> grips_;
+  bool away_ = false;
+  std::vector<Before> before_;  // of each organ
 
   std::unique_ptr<HapticDevice> device_;
   CouplingSettings settings_;

@@ -100,7 +100,7 @@ std::vector<Organ> make_organs() {
   return organs;
 }
 
-Model random_model(const std::vector<Organ>& organs, Random& random) {
+std::vector<Model> random_models(const std::vector<Organ>& organs, Random& random) {
   Model model;
   model.organ = organs[random.below(organs.size())];
   const std::size_t instruments = random.once_in(3) ? 2 + random.below(2) : 1;
@@ -115,7 +115,12 @@ Model random_model(const std::vector<Organ>& organs, Random& random) {
   if (settings.mode == Mode::unilateral && random.once_in(2)) settings.friction = random.between(0.05, 1.2);
   if (random.once_in(5)) settings.max_contacts = 1 + static_cast<int>(random.below(30));
   settings.max_relinearisations = random.once_in(5) ? 1 + static_cast<int>(random.below(10)) : 50;
-  return model;
+  std::vector<Model> models{model};
+  for (std::size_t more = random.once_in(3) ? 1 + random.below(2) : 0; more > 0; --more) {
+    models.push_back(model);
+    models.back().organ = organs[random.below(organs.size())];
+  }
+  return models;
 }
 
 Pose Wanderer::next(Random& random) {

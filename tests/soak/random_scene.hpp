@@ -4,7 +4,7 @@
 #include <memory>
 #include <random>
 
-#include "palpate/simulation/model.hpp"
+#include "palpate/simulation/organs.hpp"
 
 namespace palpate::soak {
 
@@ -30,8 +30,8 @@ class Random {
 
 // Blocks and blobs of a few hundred surface nodes, linear and quadratic, in every storage.
 std::vector<Organ> make_organs();
-// One of them, one to three instruments, a mode and settings.
-Model random_model(const std::vector<Organ>& organs, Random& random);
+// One to three of them, one to three instruments, a mode and settings.
+std::vector<Model> random_models(const std::vector<Organ>& organs, Random& random);
 
 // A way from one random pose to the next, slow or fast.
 class Wanderer {

@@ -31,57 +31,67 @@ extern "C" void stopped(int signal) {
 // What the whole run has met, to see that it meets everything.
 struct Tally {
   std::uint64_t cases = 0, ticks = 0, loops = 0, bad_inputs = 0, touching = 0, not_converged = 0, full = 0;
-  std::uint64_t lost = 0;  // ticks without a device
+  std::uint64_t lost = 0;      // ticks without a device
+  std::uint64_t grasping = 0;  // ticks that hold nodes
   void count(const Driver& driver) {
     ++cases, ticks += driver.ticks(), bad_inputs += driver.met().bad_inputs,
         touching += driver.met().touching;
-    not_converged += driver.met().not_converged, full += driver.met().full, lost += driver.met().lost;
+    not_converged += driver.met().not_converged, full += driver.met().full, lost += driver.met().lost,
+        grasping += driver.met().grasping;
   }
 };
 
-std::uint64_t run_stepwise(const Model& model, Driver& driver) {
-  State state = make_state(model);
-  Input input;
-  for (std::uint64_t k = 0; driver.lead(k, state, input); ++k) {
-    step(model, state, input);
-    driver.check(k, state);
-    driver.check_surface(state.surface);
+std::uint64_t run_stepwise(std::span<const Model> models, Driver& driver) {
+  std::vector<State> states = make_states(models);
+  std::vector<Input> inputs = make_inputs(models);
+  for (std::uint64_t k = 0; driver.lead(k, states, inputs); ++k) {
+    step(models, states, inputs);
+    driver.check(k, states);
+    for (const State& state : states) driver.check_surface(state.surface);
   }
-  return state_hash(state);
+  return state_hash(std::span<const State>(states));
 }
 
-std::uint64_t run_threaded(const Model& model, Driver& driver) {
-  State state = make_state(model);
-  LoopHooks hooks;
-  hooks.input = [&](std::uint64_t k, const State& s, Input& input) { return driver.lead(k, s, input); };
-  hooks.output = [&](std::uint64_t k, const Input&, const State& s) { driver.check(k, s); };
-  hooks.frame = [&](const Surface& surface) { driver.check_surface(surface); };
+std::uint64_t run_threaded(std::span<const Model> models, Driver& driver) {
+  std::vector<State> states = make_states(models);
+  OrgansHooks hooks;
+  hooks.input = [&](std::uint64_t k, std::span<const State> s, std::span<Input> inputs) {
+    return driver.lead(k, s, inputs);
+  };
+  hooks.output = [&](std::uint64_t k, std::span<const Input>, std::span<const State> s) {
+    driver.check(k, s);
+  };
+  hooks.frame = [&](std::span<const Surface> surfaces) {
+    for (const Surface& surface : surfaces) driver.check_surface(surface);
+  };
   LoopSettings settings;
   settings.rate = 0, settings.frame_rate = 500;
-  run_loop(model, state, settings, hooks);
-  return state_hash(state);
+  run_loop(models, states, settings, hooks);
+  return state_hash(std::span<const State>(states));
 }
 
 // Returns what is wrong; empty: nothing.
 std::string run_case(const std::vector<Organ>& organs, std::uint64_t seed, Tally& tally, bool verbose) {
   Random random(seed);
-  const Model model = random_model(organs, random);
+  const std::vector<Model> models = random_models(organs, random);
+  const Model& model = models[0];
   const bool coupled = model.settings.mode != Mode::imprint && random.once_in(3);
   const bool threads = model.settings.mode != Mode::imprint && random.once_in(2);
   const std::uint64_t ticks = 100 + random.below(700), way = seed ^ 0x9e3779b97f4a7c15u;
   if (verbose)
     fmt::print(
-        "{} surface nodes, {}, {} instrument(s), mode {}, friction {:.2f}, {} contacts, {}{}{} ticks\n",
-        model.organ.surface_size(), model.organ.compliance.storage(), model.instruments.size(),
+        "{} organ(s), the first of {} surface nodes, {}, {} instrument(s), mode {}, friction {:.2f}, {} "
+        "contacts, {}{}{} ticks\n",
+        models.size(), model.organ.surface_size(), model.organ.compliance.storage(), model.instruments.size(),
         name(model.settings.mode), model.settings.friction, model.settings.max_contacts,
         coupled ? "device, " : "", threads ? "threads, " : "", ticks);
-  Driver driver(model, way, ticks, coupled);
-  const std::uint64_t hash = threads ? run_threaded(model, driver) : run_stepwise(model, driver);
+  Driver driver(models, way, ticks, coupled);
+  const std::uint64_t hash = threads ? run_threaded(models, driver) : run_stepwise(models, driver);
   tally.count(driver);
   if (!driver.complaint().empty() || !threads) return driver.complaint();
   ++tally.loops;
-  Driver again(model, way, ticks, coupled);
-  if (run_stepwise(model, again) != hash) return "the loop's last state is another than step by step";
+  Driver again(models, way, ticks, coupled);
+  if (run_stepwise(models, again) != hash) return "the loop's last state is another than step by step";
   return again.complaint();
 }
 
@@ -118,9 +128,9 @@ int soak(double seconds, std::uint64_t first, bool one) {
   }
   fmt::print(
       "{} cases, {} of them with threads too; {} ticks, {} touching, {} not converged, {} with too many "
-      "contacts, {} of bad input, {} without their device\n",
+      "contacts, {} of bad input, {} without their device, {} with a grip\n",
       tally.cases, tally.loops, tally.ticks, tally.touching, tally.not_converged, tally.full,
-      tally.bad_inputs, tally.lost);
+      tally.bad_inputs, tally.lost, tally.grasping);
   if (one) return 0;
   const double early = memory.mean(seconds / 4, seconds / 2),
                late = memory.mean(3 * seconds / 4, 2 * seconds);

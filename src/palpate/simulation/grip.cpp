@@ -15,8 +15,11 @@ bool grips(const Input& input, Index instrument) {
 }  // namespace
 
 void let_go(State& state, const Input& input) {
+  const StepScratch& w = *state.scratch;
   std::erase_if(state.grasps, [&](const Grasp& g) {
-    return !grips(input, g.instrument) || !state.scratch->sweeps[at(g.instrument)].known;
+    const Sweep& sweep = w.sweeps[at(g.instrument)];
+    const Vec3 way = w.shapes[at(g.instrument)].to_organ * g.place - sweep.last.inverse() * g.place;
+    return !grips(input, g.instrument) || !sweep.known || way.norm() > largest_motion * w.size;
   });
 }
 
