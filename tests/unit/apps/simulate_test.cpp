@@ -48,6 +48,16 @@ TEST_F(Simulate, GaussianForceIsTheGivenOne) {
   EXPECT_EQ(r["deepest_before_m"], 0);
 }
 
+TEST_F(Simulate, AGripPulls) {
+  const json r = project("grip");
+  EXPECT_GT(r["grasped_max"].get<int>(), 10);
+  EXPECT_LT(r["peak_force_direction"][2].get<double>(), -0.95);  // on the ball, down
+  EXPECT_NEAR(r["peak_force_N"].get<double>(), 1.18, 0.02);
+  EXPECT_GE(r["peak_force_time_s"].get<double>(), 0.8);
+  EXPECT_EQ(r["not_converged"], 0);
+  EXPECT_GT(r["strain_beyond_linear"].get<int>(), 100);
+}
+
 TEST_F(Simulate, ImprintStaysAndCostsNoForce) {
   const json r = project("imprint");
   EXPECT_EQ(r["peak_force_N"], 0);

@@ -347,6 +347,18 @@ TEST_P(Grip, OthersDoNotTouchWhatIsHeld) {
   EXPECT_GT(inside, 0u);
 }
 
+TEST(Grips, OfAHalfSpacePutElsewhereLetGo) {
+  const Model model = block_model(6, HalfSpace{});
+  State state = make_state(model);
+  const Eigen::Quaterniond down(Eigen::AngleAxisd(M_PI, Vec3::UnitX()));
+  for (int k = 0; k < 5; ++k) step(model, state, with_grip(Vec3(0, 0, 0.098), closed, down));
+  EXPECT_EQ(grasped_by(std::span(&state, 1), 0), 49u);
+  EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+  step(model, state, with_grip(Vec3(0, 0, 0.2), closed, down));
+  EXPECT_TRUE(state.grasps.empty());
+  EXPECT_EQ(state.loads.count, 0u);
+}
+
 // Two organs, one ball between them that holds both: recorded, replayed, in the loop.
 TEST(Grips, OfSeveralOrgansAreRecordedAndReplayed) {
   std::vector<Model> models;
