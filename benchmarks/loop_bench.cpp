@@ -116,9 +116,11 @@ std::vector<Value> ring(int nodes, Storage storage) {
   states[1] = make_state(both);
   const Pose about{Eigen::Quaterniond::Identity(), box.center()};
   for (int k = 0; k < 100; ++k) step(both, states[1], {0, {}, {press.at(1e-2 * depth * (k + 1)), about}});
+  step(press.model, states[0], {0, {}, {press.at(depth)}});
+  step(both, states[1], {0, {}, {press.at(depth), about}});
   for (int k = 0; k < 2000; ++k)
     for (std::size_t i = 0; i < 2; ++i) {
-      Input input{0, {}, {press.at(depth, 2e-3 * std::sin(0.05 * k))}};
+      Input input{0, {}, {press.at(depth)}};  // held, so that little else varies
       if (i == 1) input.instruments.push_back(about);
       const Timer timer = thread_timer();
       tick(i == 0 ? press.model : both, states[i], input, states[i].surface);
