@@ -48,7 +48,7 @@ struct Input {
   double time = 0;  // s, kept for the record; the statics do not use it
   Pose organ;       // of the anchor's frame: moving it moves the whole body without deforming it
   std::vector<Pose> instruments;    // one an instrument, world
-  std::vector<std::uint8_t> grips;  // one an instrument, not 0: it grips (Grasp); or empty: none does
+  std::vector<std::uint8_t> grips = {};  // one an instrument, not 0: it grips (Grasp); or empty: none does
 };
 
 enum StatusBits : std::uint32_t {
