@@ -35,19 +35,22 @@ struct Thin : ::testing::Test {
   }
 };
 
-// The blade's flat side, 5 m/s at 1 kHz: it would lie beyond the first nodes after one tick.
-TEST_F(Thin, ABladesFlatSideAtFiveMetresASecond) {
-  const Vec3 half(10e-3, 10e-3, 0.5e-3);
-  for (const Shape& blade : {Shape{Cuboid{half}}, lattice_box(half, 0.25e-3)}) {
-    take(blade);
-    const double k = stiffness(0.5e-3, 0.01, Vec3(0.4e-3, 0.3e-3, 0), Eigen::Quaterniond::Identity());
+// A flat side at 5 m/s and 1 kHz: it would lie beyond the first nodes after one tick. Of a blade of 1 mm and
+// a sheet of 0.2 mm.
+TEST_F(Thin, AFlatSideAtFiveMetresASecond) {
+  const Vec3 blade(10e-3, 10e-3, 0.5e-3), sheet(10e-3, 10e-3, 0.1e-3);
+  const std::pair<Shape, double> shapes[] = {
+      {Cuboid{blade}, 0.5e-3}, {lattice_box(blade, 0.25e-3), 0.5e-3}, {Cuboid{sheet}, 0.1e-3}};
+  for (const auto& [shape, half] : shapes) {
+    take(shape);
+    const double k = stiffness(half, 0.01, Vec3(0.4e-3, 0.3e-3, 0), Eigen::Quaterniond::Identity());
     for (const double along : {5e-3, 2.7e-3, 1.1e-3, 0.3e-3}) {
       State state = make_state(model);
       double last = 0;
       for (double bottom = 4.2e-3; bottom > -10e-3; bottom -= along) {
         SCOPED_TRACE(
-            fmt::format("{} mm a tick, at {} mm, shape {}", 1e3 * along, 1e3 * bottom, blade.index()));
-        step(model, state, at(Vec3(0.4e-3, 0.3e-3, bottom + 0.5e-3)));
+            fmt::format("{} mm a tick, at {} mm, {} mm thick", 1e3 * along, 1e3 * bottom, 2e3 * half));
+        step(model, state, at(Vec3(0.4e-3, 0.3e-3, bottom + half)));
         EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
         for (const Contact& c : state.contacts) EXPECT_LT(c.force.z(), 0);  // pushed ahead, never lifted
         const double force = state.wrenches[0].force.z();
@@ -57,6 +60,29 @@ TEST_F(Thin, ABladesFlatSideAtFiveMetresASecond) {
       }
       EXPECT_GT(state.contacts.size(), 30u);
     }
+  }
+}
+
+// Held 5 mm deep and moved sideways over nodes and away from them, 1 mm a tick: what is under it stays there.
+TEST_F(Thin, ADeepBladeSideways) {
+  const Vec3 half(10e-3, 10e-3, 0.5e-3);
+  take(Cuboid{half});
+  const double k = stiffness(half.z(), 0.008, Vec3::Zero(), Eigen::Quaterniond::Identity());
+  State state = make_state(model);
+  for (double bottom = 1e-3; bottom > -5e-3; bottom -= 0.5e-3)
+    step(model, state, at(Vec3(0, 0, bottom + half.z())));
+  double last = state.wrenches[0].force.z();
+  EXPECT_GT(last, 1);
+  for (int tick = 1; tick <= 20; ++tick) {
+    SCOPED_TRACE(tick);
+    const double x = 1e-3 * (tick <= 10 ? tick : 20 - tick);
+    step(model, state, at(Vec3(x, 0, -5e-3 + half.z())));
+    EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+    const double force = state.wrenches[0].force.z();
+    EXPECT_GT(force, 1);
+    EXPECT_LE(std::abs(force - last), 1.2 * k * 1e-3);
+    last = force;
+    for (const Contact& c : state.contacts) EXPECT_LE(c.force.z(), 1e-9);
   }
 }
 
