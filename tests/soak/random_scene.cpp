@@ -70,7 +70,9 @@ Shape random_lattice(Random& random) {
 }
 
 Shape random_shape(Random& random) {
-  switch (random.below(6)) {
+  switch (random.below(7)) {
+    case 6:  // a needle
+      return Capsule{random.between(0.0002, 0.002), random.between(0.01, 0.05)};
     case 0:
       return Sphere{random.between(0.002, 0.05)};
     case 1:
@@ -105,7 +107,8 @@ std::vector<Model> random_models(const std::vector<Organ>& organs, Random& rando
   model.organ = organs[random.below(organs.size())];
   const std::size_t instruments = random.once_in(3) ? 2 + random.below(2) : 1;
   for (std::size_t i = 0; i < instruments; ++i)
-    model.instruments.push_back({"tool", random_shape(random), {}});
+    model.instruments.push_back(
+        {"tool", random_shape(random), {}, random.once_in(3) ? random.between(0.0005, 0.01) : 0});
   Settings& settings = model.settings;
   const std::size_t mode = random.below(8);  // most of them unilateral
   settings.mode = mode < 5    ? Mode::unilateral

@@ -37,12 +37,12 @@ constexpr std::size_t at_once = 32;
 
 }  // namespace
 
-ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows)
+ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined)
     : capacity_(capacity),
       watchable_(watched),
-      first_watched_((capacity + 15) / 16 * 16),
+      first_watched_((capacity + combined + 15) / 16 * 16),
       plane_(first_watched_ + (watched + 15) / 16 * 16),
-      values_(9 * capacity * plane_),
+      values_(9 * (capacity + combined) * plane_),
       fetched_(9 * at_once * std::max(capacity, watched)),
       slot_of_row_(rows, -1),
       row_of_slot_(plane_, -1),
@@ -199,9 +199,34 @@ void ContactBlock::fetch_watched(const Compliance& compliance, std::size_t first
   }
 }
 
+Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept {
+  const std::size_t to = used(), columns[2][2] = {{0, to}, {first_watched_, watched_}};
+  ++combined_;
+  const auto mean = [&](std::size_t a, std::size_t first, std::size_t count, float* out) {
+    std::fill_n(out, count, 0.0f);
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (slots[k] < 0) continue;
+      const auto weight = static_cast<float>(weights[static_cast<int>(k)]);
+      const float* row = values_of(static_cast<std::size_t>(slots[k]), a) + first;
+      for (std::size_t j = 0; j < count; ++j) out[j] += weight * row[j];
+    }
+  };
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t b = 0; b < 3; ++b)
+      for (const auto& [first, count] : columns)
+        mean(a, b * plane_ + first, count, values_of(to, a) + b * plane_ + first);
+  for (std::size_t i = 0; i < to; ++i)  // C is symmetric
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b) values_of(i, a)[b * plane_ + to] = values_of(to, b)[a * plane_ + i];
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t b = 0; b < 3; ++b) mean(a, b * plane_ + to, 1, values_of(to, a) + b * plane_ + to);
+  return static_cast<Index>(to);
+}
+
 void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows,
                            std::span<const Index> watched) noexcept {
   std::size_t missing = 0, present = 0, unseen = 0, seen = 0;
+  combined_ = 0;
   std::fill(wanted_.begin(), wanted_.end(), std::uint8_t{0});
   const auto is_new = [&](Index slot) {
     return slot >= 0 && !std::exchange(wanted_[static_cast<std::size_t>(slot)], std::uint8_t{1});

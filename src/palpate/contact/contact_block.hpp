@@ -3,6 +3,7 @@
 // them, what a force on them would do is not; so the products of a solver stay small enough for the cache.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -11,16 +12,20 @@
 
 namespace palpate {
 
-// Work space for at most `capacity` nodes of a compliance of `rows` nodes, and `watched` besides; nothing is
-// allocated after construction.
+// Work space for at most `capacity` nodes of a compliance of `rows` nodes, `watched` and `combined` besides;
+// nothing is allocated after construction.
 class ContactBlock {
  public:
-  ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows);
+  ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined = 0);
 
   // Makes slots for these compliance rows, distinct, at most capacity; and for the watched ones while there
   // is room. Rows of earlier calls stay cached while there is room.
   void require(const Compliance& compliance, std::span<const Index> rows,
                std::span<const Index> watched = {}) noexcept;
+  // A loadable slot for a point that rides on three nodes, until the next call of require(): its displacement
+  // is the weighted mean of theirs, a force on it acts on them by these weights. slots: of the nodes,
+  // loadable; -1: one that cannot move. The weights and the nodes' rows decide its bits.
+  Index combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept;
   // Row a of a loadable slot, a = x, y, z: x of all slots, from plane() on y of all, from 2 plane() on z.
   const float* row(Index slot, int a) const noexcept {
     return values_.data() + static_cast<std::size_t>(3 * slot + a) * 3 * plane_;
@@ -53,9 +58,9 @@ class ContactBlock {
   }
   std::size_t capacity() const noexcept { return capacity_; }
   // Loadable slots in use: the first ones.
-  std::size_t used() const noexcept { return used_; }
+  std::size_t used() const noexcept { return used_ + combined_; }
   // The same in whole sixteens: products run over no less, and leave anything in what is not used.
-  std::size_t width() const noexcept { return (used_ + 15) / 16 * 16; }
+  std::size_t width() const noexcept { return (used() + 15) / 16 * 16; }
 
  private:
   std::span<Index> rows_of(std::size_t first, std::size_t count) noexcept {
@@ -74,8 +79,8 @@ class ContactBlock {
   void fetch(const Compliance& compliance, std::size_t first, std::size_t last) noexcept;
   void fetch_watched(const Compliance& compliance, std::size_t first, std::size_t last) noexcept;
 
-  std::size_t capacity_, watchable_, first_watched_, plane_, used_ = 0, watched_ = 0;
-  HugeArray<float> values_;           // 3 capacity rows of 3 planes, m/N
+  std::size_t capacity_, watchable_, first_watched_, plane_, used_ = 0, combined_ = 0, watched_ = 0;
+  HugeArray<float> values_;           // 3 rows of 3 planes a loadable slot, m/N
   std::vector<float> fetched_;        // rows as a compliance gives them
   std::vector<Index> slot_of_row_;    // slot of each compliance row, -1: not cached
   std::vector<Index> row_of_slot_;    // its inverse

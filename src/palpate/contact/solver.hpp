@@ -18,17 +18,24 @@ namespace palpate {
 // A node that may touch a shape. Organ frame. A grasped node is three points, one for each axis, which is
 // their normal: their displacement along it is given (`reference`), their pressure may pull.
 struct ContactPoint {
-  Index node = -1;  // surface node
+  Index node = -1;  // surface node; of a place the nearest that can move
   Index row = -1;   // its row in the compliance
   Index instrument = -1;
-  Index slot = -1;             // in the contact block; the caller's to set
-  Vec3 rest = Vec3::Zero();    // position at rest, m
-  Vec3 u = Vec3::Zero();       // displacement, m: in, the last tick's; out, the solution's
-  Vec3 normal = Vec3::Zero();  // direction of the force, unit
-  double gap = 0;              // m, at rest + u
-  double slope = 1;            // of the gap along the normal
-  double pressure = 0;         // N along the normal: in, the last tick's; out, the solution's
-  Vec3 force = Vec3::Zero();   // N, on the organ
+  Index slot = -1;              // in the contact block; the caller's to set
+  Index triangle = -1;          // a place: of the surface, on whose three nodes it rides
+  Vec3 weights = Vec3::Zero();  // its barycentric coordinates there
+  // What is finer than a triangle meets it as a tip meets a plane: the force goes along the triangle's
+  // normal, as a tip has none of its own, or one that turns within a fraction of the triangle. So a place's
+  // gap is linear in u until the caller looks again: offset + tilt facing.u.
+  Vec3 facing = Vec3::Zero();   // into the organ, unit
+  double offset = 0, tilt = 0;  // m; -
+  Vec3 rest = Vec3::Zero();     // position at rest, m
+  Vec3 u = Vec3::Zero();        // displacement, m: in, the last tick's; out, the solution's
+  Vec3 normal = Vec3::Zero();   // direction of the force, unit
+  double gap = 0;               // m, at rest + u
+  double slope = 1;             // of the gap along the normal
+  double pressure = 0;          // N along the normal: in, the last tick's; out, the solution's
+  Vec3 force = Vec3::Zero();    // N, on the organ
   // Friction: whether the point touched before, and its displacement if it has not slipped since, m.
   bool held = false;
   Vec3 reference = Vec3::Zero();
@@ -41,6 +48,7 @@ struct ContactPoint {
 inline Gap gap_of(std::span<const PlacedShape> shapes, const ContactPoint& c, const Vec3& u,
                   Path* gone = nullptr) noexcept {
   if (c.grasped) return {c.normal.dot(u - c.reference), c.normal, 1};
+  if (c.triangle >= 0) return {c.offset + c.tilt * c.facing.dot(u), c.facing, c.tilt};
   return gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u, gone);
 }
 inline double distance_of(std::span<const PlacedShape> shapes, const ContactPoint& c,

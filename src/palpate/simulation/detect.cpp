@@ -45,7 +45,7 @@ void place(const Model& model, State& state, const Input& input) {
     if (!has_last) continue;
     const double moved = motion(shape, state.placed[i], w.shapes[i].to_organ);
     if (moved > largest_motion * w.size) continue;
-    w.sweeps[i] = {state.placed[i].inverse(), true, moved > 0.5 * w.shapes[i].finest ? moved : 0.0};
+    w.sweeps[i] = {state.placed[i].inverse(), true, moved, moved > 0.5 * w.shapes[i].finest ? moved : 0.0};
   }
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
@@ -54,12 +54,12 @@ void place(const Model& model, State& state, const Input& input) {
 
 namespace {
 
-// Adds a node once an instrument; false when there is no room. u: now; path: how it came there.
-bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
-               const Path& path, const Vec3& force = Vec3::Zero()) {
+// Adds a node once an instrument; null when there is no room. u: now; path: how it came there.
+ContactPoint* add_point(const Model& model, StepScratch& w, Index node, std::size_t instrument, const Vec3& u,
+                        const Path& path, const Vec3& force = Vec3::Zero()) {
   Index& place = w.point_of[instrument * model.organ.surface_size() + at(node)];
-  if (place >= 0) return true;
-  if (w.points.size() >= w.capacity) return false;
+  if (place >= 0) return &w.points[at(place)];
+  if (!has_room(w, 1)) return nullptr;
   place = static_cast<Index>(w.points.size());
   ContactPoint c;
   c.node = node, c.row = model.organ.row_of[at(node)], c.instrument = static_cast<Index>(instrument);
@@ -67,19 +67,27 @@ bool add_point(const Model& model, StepScratch& w, Index node, std::size_t instr
   c.u = u;
   c.path = path;
   c.force = force;
-  w.points.push_back(c);
-  return true;
+  return &w.points.emplace_back(c);
 }
 
 void forget_points(const Model& model, StepScratch& w) {
   for (const ContactPoint& c : w.points) {
+    if (c.triangle >= 0) {
+      for (const Index node : model.organ.surface.triangles[at(c.triangle)]) w.grasped[at(node)] = 0;
+      continue;
+    }
     w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)] = -1;
     w.grasped[at(c.node)] = 0;
   }
   w.points.clear();
+  w.places = 0;
 }
 
 }  // namespace
+
+bool has_room(const StepScratch& w, std::size_t more) {
+  return w.points.size() + 2 * w.places + more <= w.capacity;
+}
 
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
   for (Index other = 0; other < c.instrument; ++other)
@@ -90,20 +98,35 @@ bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
 void hold(const Model& model, State& state, For what) {
   StepScratch& w = *state.scratch;
   w.wanted.clear();
-  const auto want = [&](Index row) {
-    if (w.wanted.size() < w.block.capacity()) w.wanted.push_back(row);
+  const auto want = [&](Index row) {  // there is no room for twice the same
+    if (row < 0 || w.is_wanted[at(row)] || w.wanted.size() == w.block.capacity()) return;
+    w.is_wanted[at(row)] = 1, w.wanted.push_back(row);
   };
   if (what == For::loads)
     for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
   else
     for (const ContactPoint& c : w.points)
-      if (is_first(model, w, c)) want(c.row);  // no room for twice the same
+      if (c.triangle < 0)
+        want(c.row);
+      else
+        for (const Index node : model.organ.surface.triangles[at(c.triangle)])
+          want(model.organ.row_of[at(node)]);
+  for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
   w.watched.clear();
   for (const Index node : w.near) w.watched.push_back(model.organ.row_of[at(node)]);
   w.block.require(w.compliance_of(model), w.wanted, w.watched);
   for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
   for (std::size_t i = 0; i < w.before.count; ++i) w.before_slots[i] = w.block.slot_of(w.before.rows[i]);
-  for (ContactPoint& c : w.points) c.slot = w.block.slot_of(c.row);
+  for (ContactPoint& c : w.points) {
+    c.slot = c.triangle < 0 ? w.block.slot_of(c.row) : -1;
+    if (c.triangle < 0 || what == For::loads) continue;
+    std::array<Index, 3> slots;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Index row = model.organ.row_of[at(model.organ.surface.triangles[at(c.triangle)][k])];
+      slots[k] = row < 0 ? -1 : w.block.slot_of(row);
+    }
+    c.slot = w.block.combine(slots, c.weights);
+  }
 }
 
 void forget_near(StepScratch& w) {
@@ -126,7 +149,8 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
   return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
 }
 
-// Under state.loads, which have slots.
+}  // namespace
+
 const Vec3& displacement(const Model& model, State& state, Index node) {
   StepScratch& w = *state.scratch;
   Vec3& u = w.u[at(node)];
@@ -134,6 +158,14 @@ const Vec3& displacement(const Model& model, State& state, Index node) {
   w.u_number[at(node)] = state.loads.number;
   return u = displacement(model, w, node, state.loads, w.loaded);
 }
+
+Vec3 displacement_before(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  return state.loads.number == w.before.number ? displacement(model, state, node)
+                                               : displacement(model, w, node, w.before, w.before_slots);
+}
+
+namespace {
 
 // The same of all that is newly watched, at once.
 void displace_near(const Model& model, State& state) {
@@ -159,13 +191,12 @@ Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
   StepScratch& w = *state.scratch;
   const Sweep& sweep = w.sweeps[shape];
   if (!sweep.known) return {};
-  const Vec3 u = state.loads.number == w.before.number
-                     ? displacement(model, state, node)
-                     : displacement(model, w, node, w.before, w.before_slots);
-  return path_from(w.shapes[shape], sweep.last * Vec3(model.organ.contact_points[at(node)] + u));
+  return path_from(w.shapes[shape], sweep.last * Vec3(model.organ.contact_points[at(node)] +
+                                                      displacement_before(model, state, node)));
 }
 
-// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
+}  // namespace
+
 double drift(const Model& model, State& state, const Surface& surface) {
   const Loads& then = surface.loads;
   if (then.number == state.loads.number) return 0;
@@ -176,13 +207,11 @@ double drift(const Model& model, State& state, const Surface& surface) {
   return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
 }
 
-// Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
-// on its way through this tick.
 bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
               double near, double drifted) {
   const double clearance =
       near + static_cast<double>(w.softness[at(node)]) * std::max(drifted, w.drifted_before);
-  if (d <= clearance) return true;
+  if (d <= clearance || w.sweeps[instrument].reach == 0) return d <= clearance;
   const Vec3& p = surface.positions[at(node)];
   const PlacedShape& shape = w.shapes[instrument];
   return passes(*shape.shape, w.sweeps[instrument].last * p, shape.to_shape * p, clearance);
@@ -191,6 +220,8 @@ bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrume
 void add_near(StepScratch& w, Index node) {
   if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
 }
+
+namespace {
 
 // Nodes but for the points of this instrument that may be nearer than `reach` under state.loads, or that the
 // shape passed through.
@@ -206,7 +237,7 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
   near_nodes(
       *surface.clusters, surface.bounds, surface.positions, shape, near + sweep.reach, drifted,
       [&](Index node, double d) {
-        if (sweep.reach > 0 && !may_meet(w, surface, instrument, node, d, near, drifted)) return;
+        if (!may_meet(w, surface, instrument, node, d, near, drifted)) return;
         w.candidates.push_back(node);
         add_near(w, node);
       },
@@ -235,7 +266,7 @@ void add_grasped(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   const Loads& loads = state.loads;
   for (const Grasp& g : state.grasps) {
-    if (w.points.size() + 3 > w.capacity) {
+    if (!has_room(w, 3)) {
       state.status |= too_many_contacts;
       return;
     }
@@ -255,29 +286,59 @@ void add_grasped(const Model& model, State& state) {
   }
 }
 
+// Whether a contact of the last tick is a place, and not all its nodes are in grips.
+bool is_place(const Model& model, const StepScratch& w, const Contact& c) {
+  if (at(c.triangle) >= w.faces.faces.size()) return false;
+  const Triangle& nodes = model.organ.surface.triangles[at(c.triangle)];
+  return std::any_of(nodes.begin(), nodes.end(),
+                     [&](Index node) { return model.organ.row_of[at(node)] >= 0 && !w.grasped[at(node)]; });
+}
+
+// A place that bore a force in the last tick; null when there is no room.
+ContactPoint* keep_place(const Model& model, State& state, const Contact& c, const Path& path) {
+  StepScratch& w = *state.scratch;
+  if (w.places == most_places || !has_room(w, 3)) return nullptr;
+  ContactPoint p = place_at(model, w, at(c.triangle), at(c.instrument), c.weights);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Index node = model.organ.surface.triangles[at(c.triangle)][k];
+    const double weight = c.weights[static_cast<int>(k)];
+    if (model.organ.row_of[at(node)] < 0) continue;
+    p.u += weight * displacement(model, state, node);
+    for (ContactPoint& g : w.points)  // grasped since: its share of the load is not the grip's
+      if (g.grasped && g.node == node) g.force -= weight * c.force_in_organ.dot(g.normal) * g.normal;
+  }
+  p.path = path;
+  p.force = c.force_in_organ;
+  ++w.places;
+  return &w.points.emplace_back(p);
+}
+
 }  // namespace
 
 void detect(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
   add_grasped(model, state);
-  for (const Contact& c : state.contacts)
-    if (!w.grasped[at(c.node)] && c.instrument >= 0 && at(c.instrument) < w.shapes.size() &&
-        model.settings.mode == Mode::unilateral)
-      if (add_point(model, w, c.node, at(c.instrument), displacement(model, state, c.node),
-                    w.sweeps[at(c.instrument)].known ? path_from(w.shapes[at(c.instrument)], c.from) : Path{},
-                    c.force_in_organ)) {
-        ContactPoint& p =
-            w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
-        p.held = model.settings.friction > 0;
-        p.reference = w.shapes[at(c.instrument)].to_organ * c.touched - p.rest;
-      }
+  for (const Contact& c : state.contacts) {
+    if (c.instrument < 0 || at(c.instrument) >= w.shapes.size() || model.settings.mode != Mode::unilateral)
+      continue;
+    if (c.triangle < 0 ? w.grasped[at(c.node)] : !is_place(model, w, c)) continue;
+    const std::size_t i = at(c.instrument);
+    const Path path = w.sweeps[i].known ? path_from(w.shapes[i], c.from) : Path{};
+    ContactPoint* p = c.triangle < 0 ? add_point(model, w, c.node, i, displacement(model, state, c.node),
+                                                 path, c.force_in_organ)
+                                     : keep_place(model, state, c, path);
+    if (!p) continue;
+    p->held = model.settings.friction > 0;
+    p->reference = w.shapes[i].to_organ * c.touched - p->rest;
+  }
   for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
     add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     find_candidates(model, state, surface, i, w.reach, drifted);
-    if (w.candidates.empty()) continue;
+    find_faces(model, state, surface, i, drifted);
+    if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
     hold(model, state, For::loads);
     displace_near(model, state);
     near_now(model, state, i, w.candidates, w.reach, [&](Index node, double, const Vec3& u) {
@@ -330,6 +391,13 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
                  state.status |= too_many_contacts;
              });
   }
+  // The order of the points decides bits; that of what is near depends on the surface's age.
+  const auto added = w.points.begin() + static_cast<std::ptrdiff_t>(before);
+  std::sort(added, w.points.end(), [](const ContactPoint& a, const ContactPoint& b) {
+    return std::pair(a.instrument, a.node) < std::pair(b.instrument, b.node);
+  });
+  for (std::size_t k = before; k < w.points.size(); ++k)
+    w.point_of[at(w.points[k].instrument) * s + at(w.points[k].node)] = static_cast<Index>(k);
   return w.points.size() > before;
 }
 

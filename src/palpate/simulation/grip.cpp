@@ -26,19 +26,23 @@ void let_go(State& state, const Input& input) {
 void grasp(const Model& model, State& state, const Input& input) {
   StepScratch& w = *state.scratch;
   const auto held = static_cast<std::ptrdiff_t>(state.grasps.size());
+  std::size_t points = 2 * w.places + state.contacts.size() + 2 * state.grasps.size();
   for (const Contact& c : state.contacts) {
     const auto same = [&](const Grasp& g) { return g.instrument == c.instrument; };
-    if (!grips(input, c.instrument) || w.grasped[at(c.node)] ||
-        std::any_of(state.grasps.begin(), state.grasps.begin() + held, same))
+    if (!grips(input, c.instrument) || std::any_of(state.grasps.begin(), state.grasps.begin() + held, same))
       continue;
-    if (state.contacts.size() + 2 * (state.grasps.size() + 1) > w.capacity) {
-      state.status |= too_many_contacts;
-      return;
+    const Triangle node{c.node, c.node, c.node};
+    for (const Index n : c.triangle < 0 ? node : model.organ.surface.triangles[at(c.triangle)]) {
+      if (w.grasped[at(n)] || model.organ.row_of[at(n)] < 0) continue;
+      if (points + (c.triangle < 0 ? 2 : 3) > w.capacity) {
+        state.status |= too_many_contacts;
+        return;
+      }
+      points += c.triangle < 0 ? 2 : 3;
+      const Vec3 now = model.organ.contact_points[at(n)] + w.u[at(n)];
+      state.grasps.push_back({n, c.instrument, w.shapes[at(c.instrument)].to_shape * now});
+      w.grasped[at(n)] = 1;
     }
-    const PlacedShape& shape = w.shapes[at(c.instrument)];
-    const Vec3 now = model.organ.contact_points[at(c.node)] + w.u[at(c.node)];
-    state.grasps.push_back({c.node, c.instrument, shape.to_shape * now});
-    w.grasped[at(c.node)] = 1;
   }
 }
 

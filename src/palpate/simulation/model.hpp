@@ -15,6 +15,9 @@ struct Instrument {
   std::string name;
   Shape shape;           // in the instrument's frame
   TriangleMesh surface;  // for drawing, same frame
+  // How thick it is where it touches, m: what is thinner than 0.8 of an edge of the organ's surface is felt
+  // between its nodes, too (places.hpp). 0: the middle one of the sides of its box, as of a needle.
+  double tip = 0;
 };
 
 enum class Mode : std::uint8_t {
@@ -29,7 +32,8 @@ Mode parse_mode(const std::string& text);  // Error(usage) lists them
 struct Settings {
   Mode mode = Mode::unilateral;
   double tolerance = 1e-6;  // of the gaps, relative to the organ's size (diagonal of its box)
-  // A grasped node counts as three. Beyond it: status too_many_contacts, the rest is left out.
+  // A grasped node counts as three, a place between nodes too. Beyond it: status too_many_contacts, the rest
+  // is left out.
   int max_contacts = 1000;
   // Of the gap function in a tick; beyond it: status not_converged, the next tick goes on.
   int max_relinearisations = 100;
@@ -47,7 +51,7 @@ struct Model {
 struct Input {
   double time = 0;  // s, kept for the record; the statics do not use it
   Pose organ;       // of the anchor's frame: moving it moves the whole body without deforming it
-  std::vector<Pose> instruments;    // one an instrument, world
+  std::vector<Pose> instruments;         // one an instrument, world
   std::vector<std::uint8_t> grips = {};  // one an instrument, not 0: it grips (Grasp); or empty: none does
 };
 
@@ -63,9 +67,12 @@ enum StatusBits : std::uint32_t {
 };
 
 struct Contact {
-  Index node = -1;  // surface node
+  Index node = -1;  // surface node; of a place between nodes the nearest that can move
   Index instrument = -1;
-  Vec3 force = Vec3::Zero();           // on the organ, N, world
+  Index triangle = -1;          // a place: of the organ's surface; the force acts on its three nodes by
+  Vec3 weights = Vec3::Zero();  // the place's barycentric coordinates
+  Vec3 point = Vec3::Zero();    // where the force acts, m, world
+  Vec3 force = Vec3::Zero();    // on the organ, N, world
   Vec3 force_in_organ = Vec3::Zero();  // the same in the organ's frame
   Vec3 touched = Vec3::Zero();  // where on the instrument it sticks or last slipped to, instrument frame, m
   Vec3 from =

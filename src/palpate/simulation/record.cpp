@@ -42,15 +42,21 @@ void write_frame(const std::filesystem::path& path, std::span<const Model> model
     const Surface& surface = states[o].surface;
     const ErrorBar bar = error_bar(models[o].organ, surface);
     for (const Contact& c : states[o].contacts) {
-      const auto node = static_cast<std::size_t>(c.node);
-      const std::size_t v = first + static_cast<std::size_t>(drawn_of[o][node]);
-      for (std::size_t a = 0; a < 3; ++a)
-        force.values[3 * v + a] += static_cast<float>(c.force[static_cast<int>(a)]);
-      const Index row = models[o].organ.row_of[node];
-      error.values[v] += static_cast<float>(c.force.norm() * error_bar(bar, surface, row).total());
-      for (std::size_t i = 0; i < surface.loads.count; ++i)
-        if (surface.loads.rows[i] == row)
-          strain.values[v] = std::max(strain.values[v], surface.strains.contacts[i].largest);
+      for (std::size_t k = 0; k < (c.triangle < 0 ? 1 : 3); ++k) {
+        const auto node = static_cast<std::size_t>(
+            c.triangle < 0 ? c.node
+                           : models[o].organ.surface.triangles[static_cast<std::size_t>(c.triangle)][k]);
+        const Index row = models[o].organ.row_of[node];
+        if (row < 0) continue;  // what acts on an anchor does nothing
+        const Vec3 share = c.triangle < 0 ? c.force : Vec3(c.weights[static_cast<int>(k)] * c.force);
+        const std::size_t v = first + static_cast<std::size_t>(drawn_of[o][node]);
+        for (std::size_t a = 0; a < 3; ++a)
+          force.values[3 * v + a] += static_cast<float>(share[static_cast<int>(a)]);
+        error.values[v] += static_cast<float>(share.norm() * error_bar(bar, surface, row).total());
+        for (std::size_t i = 0; i < surface.loads.count; ++i)
+          if (surface.loads.rows[i] == row)
+            strain.values[v] = std::max(strain.values[v], surface.strains.contacts[i].largest);
+      }
     }
   }
   for (std::size_t i = 0; i < input.instruments.size(); ++i) {

@@ -46,6 +46,10 @@ std::uint64_t state_hash(const State& state) noexcept {
   for (const Contact& c : state.contacts) {
     hash.add_bytes(&c.node, sizeof c.node);
     hash.add_bytes(&c.instrument, sizeof c.instrument);
+    if (c.triangle >= 0) {
+      hash.add_bytes(&c.triangle, sizeof c.triangle);
+      hash.add_bytes(c.weights.data(), 3 * sizeof(double));
+    }
     hash.add_bytes(c.force_in_organ.data(), 3 * sizeof(double));
     hash.add_bytes(&c.gap_after, sizeof c.gap_after);
   }

@@ -287,6 +287,8 @@ Instrument read_instrument(Table t, std::size_t number, int threads, const Progr
   if (out.surface.triangles.empty()) out.surface = surface_of_primitive(out.shape);
   const Box box = bounding_box(out.shape);
   if (!(box.size().minCoeff() > 0)) t.fail("", "its sizes must be above zero");
+  out.tip = t.quantity("tip", 0, length_units);
+  if (!(out.tip >= 0) || !std::isfinite(out.tip)) t.fail("tip", "must be a thickness above zero");
   out.name = t.text("name", fmt::format("instrument{}", number));
   t.no_other_keys();
   return out;

@@ -51,6 +51,10 @@ State make_state(const Model& model) {
   w.near.reserve(s);
   w.is_near.assign(s, 0);
   w.wanted.reserve(w.block.capacity());
+  w.is_wanted.assign(organ.compliance.nodes(), 0);
+  w.near_faces.resize(w.faces.empty() ? 0 : instruments);
+  for (std::vector<Index>& faces : w.near_faces) faces.reserve(organ.surface.triangles.size());
+  w.face_number.assign(w.faces.faces.size(), 0);
   w.watched.reserve(s);
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
@@ -82,40 +86,62 @@ bool valid(const Model& model, const Input& input) {
   return ok;
 }
 
-// The points' forces become the loads; a node touched by two instruments, or grasped, is one.
+// The points' forces become the loads; a node touched by two instruments, or grasped, or carrying places, is
+// one.
 void take_loads(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   Loads& loads = state.loads;
   loads.count = 0;
   ++loads.number;
+  const auto load_of = [&](Index row) {
+    const auto end = loads.rows.begin() + static_cast<std::ptrdiff_t>(loads.count);
+    return static_cast<std::size_t>(std::find(loads.rows.begin(), end, row) - loads.rows.begin());
+  };
+  const auto add = [&](Index row, const Vec3& force, bool is_new) {
+    const std::size_t i = is_new ? loads.count : load_of(row);
+    if (i == loads.count) loads.rows[loads.count] = row, loads.forces[loads.count++].setZero();
+    loads.forces[i] += force;
+    return i;
+  };
   for (const ContactPoint& c : w.points) {
-    w.u[at(c.node)] = c.u, w.u_number[at(c.node)] = loads.number;
+    if (c.triangle < 0) w.u[at(c.node)] = c.u, w.u_number[at(c.node)] = loads.number;
     if (c.force == Vec3::Zero()) continue;
-    std::size_t i = loads.count;
-    if (!is_first(model, w, c))
-      i = static_cast<std::size_t>(std::find(loads.rows.begin(),
-                                             loads.rows.begin() + static_cast<std::ptrdiff_t>(loads.count),
-                                             c.row) -
-                                   loads.rows.begin());
-    if (i == loads.count) loads.rows[loads.count] = c.row, loads.forces[loads.count++].setZero();
-    loads.forces[i] += c.force, loads.u[i] = c.u;
+    if (c.triangle < 0) {
+      loads.u[add(c.row, c.force, w.places == 0 && is_first(model, w, c))] = c.u;
+      continue;
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Index row = model.organ.row_of[at(model.organ.surface.triangles[at(c.triangle)][k])];
+      const double weight = c.weights[static_cast<int>(k)];
+      if (row >= 0 && weight > 0) add(row, weight * c.force, false);
+    }
   }
   loads.u_known = true;
-  if (model.settings.mode == Mode::unilateral &&
-      !w.points.empty())  // what is near, the solver has placed too
-    for (const Index node : w.near)
-      if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]); slot >= 0)
-        w.u[at(node)] = w.block.in_planes(w.solver.displacements(), slot),
-        w.u_number[at(node)] = loads.number;
   for (std::size_t i = 0; i < loads.count; ++i) w.loaded[i] = w.block.slot_of(loads.rows[i]);
+  if (model.settings.mode != Mode::unilateral || w.points.empty()) return;
+  std::span<const double> u = w.solver.displacements();  // what is near, the solver has placed too
+  const auto place = [&](Index node) {
+    if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]); slot >= 0)
+      w.u[at(node)] = w.block.in_planes(u, slot), w.u_number[at(node)] = loads.number;
+  };
+  if (w.places > 0) {  // by the nodes' forces, as later ticks will do it
+    w.block.displacements({w.loaded.data(), loads.count}, {loads.forces.data(), loads.count}, w.placed_u);
+    u = w.placed_u;
+    for (std::size_t i = 0; i < loads.count; ++i) loads.u[i] = w.block.in_planes(u, w.loaded[i]);
+    for (const ContactPoint& c : w.points) place(c.node);
+  }
+  for (const Index node : w.near) place(node);
 }
 
-// Solves until no other node is swallowed by what the forces do.
+// Solves until the forces swallow no other node, and no instrument reaches into a triangle between nodes.
 void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
   SolveResult result;
-  for (int round = 0; round < 10; ++round) {
+  w.round = 0;
+  if (w.places > 0) add_places(model, state, surface, true);  // where instruments went on
+  for (; w.round < 10; ++w.round) {
+    face_places(model, state);
     hold(model, state, For::points);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
@@ -128,7 +154,9 @@ void solve(const Model& model, State& state, const Surface& surface) {
     state.relinearisations += result.relinearisations;
     limits.max_relinearisations -= result.relinearisations;
     take_loads(model, state);
-    if (!add_swallowed(model, state, surface)) {
+    drop_idle_places(model, state);
+    if (!add_swallowed(model, state, surface) && !add_places(model, state, surface) &&
+        !places_are_off(model, state)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;
     }
@@ -143,23 +171,25 @@ void report(State& state, const Input& input) {
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
   for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
-    const ContactPoint& p = w.points[i];
+    ContactPoint& p = w.points[i];
     const PlacedShape& shape = w.shapes[at(p.instrument)];
     const Vec3 force = p.grasped ? Vec3(p.force + w.points[i + 1].force + w.points[i + 2].force) : p.force;
     if (force == Vec3::Zero()) continue;
     Contact c;
     c.grasped = p.grasped;
-    c.node = p.node, c.instrument = p.instrument;
+    c.node = p.node, c.instrument = p.instrument, c.triangle = p.triangle, c.weights = p.weights;
     c.gap_before = shape.distance(p.rest);
     const Vec3 now = p.rest + p.u;
     c.gap_after = p.grasped ? shape.distance(now) : p.gap;
+    if (p.triangle >= 0) gap_by_path(shape, p.path, now, &p.path);
     c.from = p.path.known ? p.path.from : Vec3(shape.to_shape * now);
     c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
     c.force_in_organ = force, c.force = state.organ.rotation * force;
+    c.point = state.organ * now;
     state.contacts.push_back(c);
     state.deepest_before = std::max(state.deepest_before, -c.gap_before);
     Wrench& wrench = state.wrenches[at(p.instrument)];
-    const Vec3 arm = state.organ * Vec3(p.rest + p.u) - input.instruments[at(p.instrument)].translation;
+    const Vec3 arm = c.point - input.instruments[at(p.instrument)].translation;
     wrench.force -= c.force;
     wrench.torque -= arm.cross(c.force);
     state.deepest_after = std::max(state.deepest_after, -c.gap_after);

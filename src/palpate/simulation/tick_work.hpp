@@ -1,10 +1,11 @@
-// What the parts of a tick share: step.cpp (the list), detect.cpp (what may touch), modes.cpp (laws without a
-// solver).
+// What the parts of a tick share: step.cpp (the list), detect.cpp (what may touch), places.cpp (between
+// nodes), modes.cpp (laws without a solver).
 #pragma once
 
 #include "palpate/contact/clusters.hpp"
 #include "palpate/contact/solver.hpp"
 #include "palpate/simulation/model.hpp"
+#include "palpate/simulation/places.hpp"
 
 namespace palpate {
 
@@ -17,6 +18,7 @@ inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 struct Sweep {
   Pose last;           // from the organ's frame to its own then
   bool known = false;  // otherwise it was put where it is
+  double way = 0;      // m, the largest of a corner of its box
   double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
 };
 
@@ -24,12 +26,13 @@ struct StepScratch {
   StepScratch(const Model& model, std::size_t most)
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
-              compliance.nodes()),
+              compliance.nodes(), std::min(most_places, most / 3)),
         solver(most, block.capacity(), block.plane()),
         deformer(model.organ),
         capacity(most),
         placed_u(3 * block.plane()),
-        compliance_rows(9 * most) {}
+        compliance_rows(9 * most),
+        faces(model.organ, model.instruments) {}
 
   // The model's own, in case another organ has been put into it since.
   const Compliance& compliance_of(const Model& model) const {
@@ -43,26 +46,33 @@ struct StepScratch {
   std::size_t capacity;
   Clusters anchored;  // nodes that cannot move
   ClusterBounds rest_bounds, anchored_bounds;
-  std::vector<PlacedShape> shapes;            // instruments in the organ's frame
-  std::vector<Sweep> sweeps;                  // how each came there
-  Loads before;                               // of the last tick
-  std::vector<Index> before_slots;            // of its rows
-  std::vector<ContactPoint> points;           // may touch in this tick
-  std::vector<Index> point_of;                // [instrument * nodes + node], -1: not among the points
-  std::vector<std::uint8_t> grasped;          // of each node: among the points, in a grip
-  std::vector<Index> candidates;              // nodes that may be near an instrument
-  std::vector<Index> near;                    // all of this tick, each once
-  std::vector<std::uint8_t> is_near;          // of each node: among `near`
-  std::vector<Index> wanted, watched;         // rows for the contact block
-  std::vector<Vec3> u;                        // of each node, m; right under the loads of the same number:
-  std::vector<std::uint64_t> u_number;        // of each node
-  std::vector<Index> loaded;                  // slots of state.loads
-  std::vector<double> placed_u;               // of each slot, in planes
-  std::vector<float> compliance_rows;         // of a node without a slot
-  std::vector<float> softness;                // of each node: Clusters::softness
-  double softest = 0;                         // the largest of these
-  double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
-  double size = 0, tolerance = 0, reach = 0;  // m
+  std::vector<PlacedShape> shapes;      // instruments in the organ's frame
+  std::vector<Sweep> sweeps;            // how each came there
+  Loads before;                         // of the last tick
+  std::vector<Index> before_slots;      // of its rows
+  std::vector<ContactPoint> points;     // may touch in this tick
+  std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
+  std::vector<std::uint8_t> grasped;    // of each node: among the points, in a grip
+  std::vector<Index> candidates;        // nodes that may be near an instrument
+  std::vector<Index> near;              // all of this tick, each once
+  std::vector<std::uint8_t> is_near;    // of each node: among `near`
+  std::vector<Index> wanted, watched;   // rows for the contact block
+  std::vector<Vec3> u;                  // of each node, m; right under the loads of the same number:
+  std::vector<std::uint64_t> u_number;  // of each node
+  std::vector<Index> loaded;            // slots of state.loads
+  std::vector<double> placed_u;         // of each slot, in planes
+  std::vector<float> compliance_rows;   // of a node without a slot
+  std::vector<float> softness;          // of each node: Clusters::softness
+  Faces faces;
+  int round = 0;                               // of the tick's solves
+  std::size_t places = 0;                      // among the points
+  std::vector<std::vector<Index>> near_faces;  // of each instrument: triangles it may reach into
+  std::vector<std::uint64_t> face_number;      // of each triangle: of the list it is in
+  std::uint64_t faces_number = 0;              // of the last list
+  std::vector<std::uint8_t> is_wanted;         // of each node: in hold()
+  double softest = 0;                          // the largest of these
+  double drifted_before = 0;                   // from the surface to the last tick's loads, sqrt J
+  double size = 0, tolerance = 0, reach = 0;   // m
 };
 
 inline Pose normalized(Pose p) {
@@ -79,6 +89,18 @@ void place(const Model& model, State& state, const Input& input);
 enum class For { loads, points };
 void hold(const Model& model, State& state, For what);
 void forget_near(StepScratch& w);
+void add_near(StepScratch& w, Index node);
+// Whether there is room for so many more points; a place counts as three.
+bool has_room(const StepScratch& w, std::size_t more);
+// Of a node that can move, in float64, m: under state.loads, which have slots, and under the last tick's.
+const Vec3& displacement(const Model& model, State& state, Index node);
+Vec3 displacement_before(const Model& model, State& state, Index node);
+// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
+double drift(const Model& model, State& state, const Surface& surface);
+// Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
+// on its way through this tick.
+bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
+              double near, double drifted);
 // Whether no other point of the same node comes before this one.
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c);
 // The nodes with a force in the last tick, and all nodes near an instrument where the surface is now.
@@ -90,6 +112,25 @@ void see_anchored(const Model& model, State& state);
 // Nodes that were not among the points and lie inside an instrument now become points too. True when there
 // were any.
 bool add_swallowed(const Model& model, State& state, const Surface& surface);
+
+// places.cpp
+
+// A place on a triangle, without displacement, path and force.
+ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
+                      const Vec3& weights);
+// Triangles an instrument may come to reach into in this tick, under displacements that drift so far from the
+// surface; their nodes are near.
+void find_faces(const Model& model, State& state, const Surface& surface, std::size_t instrument,
+                double drifted);
+// Takes the planes that stand for the instruments at the places, where these are now.
+void face_places(const Model& model, State& state);
+// Whether places with a force are off them by now, so that they should be taken again.
+bool places_are_off(const Model& model, State& state);
+// Where there are many, places without a force are points no more; those that are needed are found again.
+void drop_idle_places(const Model& model, State& state);
+// Where instruments now reach into triangles the deepest points become points. True when there were any.
+// early: before the tick's first solve, which will move what lies on the instrument.
+bool add_places(const Model& model, State& state, const Surface& surface, bool early = false);
 
 // grip.cpp
 

@@ -67,6 +67,68 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable) {
   }
 }
 
+// A point that rides on three nodes: B C B' for the weights B, whatever slots the nodes have.
+TEST(ContactBlock, CombinesThreeNodes) {
+  constexpr std::size_t rows = 20;
+  HugeArray<float> matrix(9 * rows * rows);
+  std::mt19937 random(7);
+  for (std::size_t i = 0; i < 3 * rows; ++i)
+    for (std::size_t j = 0; j <= i; ++j)
+      matrix[i * 3 * rows + j] = matrix[j * 3 * rows + i] = static_cast<float>(random() % 1000);
+  const Compliance c = Compliance::dense(std::move(matrix), rows);
+  const auto between = [&](Index i, Index j) {
+    Mat3 out;
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b)
+        out(a, b) =
+            static_cast<double>(c.matrix()[static_cast<std::size_t>((3 * i + a) * 3 * 20 + 3 * j + b)]);
+    return out;
+  };
+  ContactBlock block(8, 6, rows, 2);
+  const Vec3 weights[] = {Vec3(0.2, 0.3, 0.5), Vec3(0.6, 0, 0.4)};
+  for (int k = 0; k < 3; ++k) {  // the slots of the nodes, and what was there before, differ
+    const std::vector<Index> wanted[] = {{3, 7, 11, 4}, {11, 4, 0, 1, 2, 3, 7}, {4, 3, 5, 11, 7}};
+    const std::vector<Index> watched{15, 16, 17};
+    block.require(c, wanted[k], watched);
+    const Index nodes[2][3] = {{3, 7, 11}, {4, -1, 7}};  // the second has an anchored one
+    Index slot[2];
+    for (int p = 0; p < 2; ++p) {
+      std::array<Index, 3> slots;
+      for (std::size_t l = 0; l < 3; ++l) slots[l] = nodes[p][l] < 0 ? -1 : block.slot_of(nodes[p][l]);
+      slot[p] = block.combine(slots, weights[p]);
+    }
+    const auto expected = [&](int p, const auto& column) {
+      Mat3 sum = Mat3::Zero();
+      for (int l = 0; l < 3; ++l)
+        if (nodes[p][l] >= 0) sum += weights[p][l] * column(nodes[p][l]);
+      return sum;
+    };
+    for (int p = 0; p < 2; ++p) {
+      for (const Index node : wanted[k]) {
+        const Mat3 row = expected(p, [&](Index i) { return between(i, node); });
+        EXPECT_LT((block.between(slot[p], block.slot_of(node)) - row).norm(), 1e-3);
+        EXPECT_LT((block.between(block.slot_of(node), slot[p]) - row.transpose()).norm(), 1e-3);
+      }
+      for (int q = 0; q < 2; ++q)
+        EXPECT_LT((block.between(slot[p], slot[q]) -
+                   expected(p,
+                            [&](Index i) {
+                              return Mat3(expected(q, [&](Index j) { return between(j, i); }).transpose());
+                            }))
+                      .norm(),
+                  1e-3);
+      std::vector<double> u(3 * block.plane());
+      const Vec3 force(1, 2, -3);
+      block.displacements(std::span(&slot[p], 1), std::span(&force, 1), u);
+      for (const Index node : {15, 16, 17, 11})
+        EXPECT_LT((block.in_planes<double>(u, block.slot_of(node)) -
+                   expected(p, [&](Index i) { return between(node, i); }) * force)
+                      .norm(),
+                  1e-2);
+    }
+  }
+}
+
 TEST(ContactBlock, EqualsTheComplianceWhateverCameBefore) {
   equals_the_compliance(12, 9);
   equals_the_compliance(3, 40);  // most of all are only watched

@@ -129,8 +129,9 @@ TEST_F(SceneFile, SeveralOrgansHaveNamesAndMaterialsOfTheirOwn) {
   std::ifstream forces(folder_ / "out" / "forces.csv");
   std::string header, line;
   std::getline(forces, header), std::getline(forces, line);
-  EXPECT_NE(header.find(",ball.fz_N,ball.tx_Nm,ball.ty_Nm,ball.tz_Nm,ball.grasped,low.contacts,low.ball.fx_N"),
-            std::string::npos);
+  EXPECT_NE(
+      header.find(",ball.fz_N,ball.tx_Nm,ball.ty_Nm,ball.tz_Nm,ball.grasped,low.contacts,low.ball.fx_N"),
+      std::string::npos);
   EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(line.begin(), line.end(), ','));
 }
 

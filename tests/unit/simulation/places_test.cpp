@@ -1,0 +1,242 @@
+// Contact between nodes: tips and edges finer than the surface's triangles.
+#include "palpate/simulation/places.hpp"
+
+#include <fmt/core.h>
+#include <gtest/gtest.h>
+
+#include "fixtures.hpp"
+#include "palpate/simulation/recording.hpp"
+
+namespace palpate {
+namespace {
+
+// 60 x 60 x 30 mm, its base fixed, 3 mm between nodes; its top at z = 0, nodes at multiples of 3 mm.
+struct Places : ::testing::Test {
+  static void SetUpTestSuite() {
+    model.organ = bake(make_block({Vec3(-0.03, -0.03, -0.03), Vec3(0.03, 0.03, 0)}, {20, 20, 10}),
+                       {{10e3, 0.45, 1000}}, {AnchorHalfSpace{Vec3(0, 0, -0.03), Vec3::UnitZ()}}, 0, {},
+                       nullptr, {.order = 1, .pinch = false});
+  }
+  static void TearDownTestSuite() { model = {}; }
+  static inline Model model;
+  static constexpr double radius = 0.5e-3, length = 20e-3;
+
+  void SetUp() override { model.settings = {}; }
+  static void take(const Shape& shape, double tip = 0) { model.instruments = {{"fine", shape, {}, tip}}; }
+  static void take_needle() { take(Capsule{radius, length}); }
+  // The needle upright, its tip at p.
+  static Input tip_at(const Vec3& p) { return at(p + Vec3(0, 0, length + radius)); }
+  static double press(State& state, const Vec3& p) {
+    step(model, state, tip_at(p));
+    return state.wrenches[0].force.z();
+  }
+};
+
+// In the middle of a face, of an edge, and beside a node: felt from a tenth of the tip's radius on at the
+// latest, and as stiff as the compliance says of a force there.
+TEST_F(Places, ATipIsFeltBetweenNodes) {
+  take_needle();
+  for (const Vec3& p :
+       {Vec3(1e-3, 0.7e-3, 0), Vec3(1.5e-3, 0, 0), Vec3(1.5e-3, 1.5e-3, 0), Vec3(0.4e-3, 0.1e-3, 0)}) {
+    SCOPED_TRACE(fmt::format("at {} {} mm", 1e3 * p.x(), 1e3 * p.y()));
+    State state = make_state(model);
+    EXPECT_EQ(press(state, p + Vec3(0, 0, 1e-6)), 0);
+    double last = 0, before = 0;
+    for (int k = 1; k <= 10; ++k) {
+      before = last;
+      last = press(state, p - Vec3(0, 0, 0.02e-3 * k));
+      EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+      EXPECT_TRUE(last > 1e-4 || 0.02e-3 * k < 1.01 * felt_from * radius) << last;
+    }
+    ASSERT_GE(state.contacts.size(), 1u);
+    const Contact& c = state.contacts[0];
+    if (state.contacts.size() > 1 || c.triangle < 0) continue;
+    Mat3 compliance = Mat3::Zero();  // of the place, from the whole matrix
+    const Triangle& nodes = model.organ.surface.triangles[static_cast<std::size_t>(c.triangle)];
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j) {
+        const Index pair[] = {model.organ.row_of[static_cast<std::size_t>(nodes[i])],
+                              model.organ.row_of[static_cast<std::size_t>(nodes[j])]};
+        std::array<float, 9> block;
+        model.organ.compliance.block({&pair[0], 1}, {&pair[1], 1}, block, 3);
+        for (int a = 0; a < 3; ++a)
+          for (int b = 0; b < 3; ++b)
+            compliance(a, b) += c.weights[static_cast<int>(i)] * c.weights[static_cast<int>(j)] *
+                                static_cast<double>(block[static_cast<std::size_t>(3 * a + b)]);
+      }
+    EXPECT_NEAR((last - before) / 0.02e-3, 1 / compliance(2, 2), 0.03 / compliance(2, 2));
+    EXPECT_NEAR(c.point.z(), -0.2e-3, 1e-6);  // at the tip
+  }
+}
+
+// A force between nodes is theirs: the same wrench, the displacement that their forces cause, and no way for
+// the tip into any triangle near it.
+TEST_F(Places, ForcesAreTheNodes) {
+  take_needle();
+  State state = make_state(model);
+  for (int k = 0; k <= 12; ++k) press(state, Vec3(1e-3, 0.7e-3, -0.1e-3 * k));
+  Vec3 contacts = Vec3::Zero(), loads = Vec3::Zero();
+  for (const Contact& c : state.contacts) contacts += c.force;
+  for (std::size_t i = 0; i < state.loads.count; ++i) loads += state.loads.forces[i];
+  EXPECT_LT((contacts - loads).norm(), 1e-12);
+  EXPECT_LT((contacts + state.wrenches[0].force).norm(), 1e-12);
+  std::vector<float> u(3 * model.organ.compliance.nodes()), forces;
+  for (std::size_t i = 0; i < state.loads.count; ++i)
+    for (int a = 0; a < 3; ++a) forces.push_back(static_cast<float>(state.loads.forces[i][a]));
+  model.organ.compliance.apply({state.loads.rows.data(), state.loads.count}, forces, u);
+  for (std::size_t i = 0; i < state.loads.count; ++i)
+    for (int a = 0; a < 3; ++a)
+      EXPECT_NEAR(u[static_cast<std::size_t>(3 * state.loads.rows[i] + a)], state.loads.u[i][a], 1e-8);
+  const Input input = tip_at(Vec3(1e-3, 0.7e-3, -1.2e-3));
+  double deepest = 0;
+  for (const Triangle& t : model.organ.surface.triangles)
+    for (int i = 0; i <= 40; ++i)
+      for (int j = 0; i + j <= 40; ++j) {
+        const Vec3 p = (deformed(model, state, t[0]) * i + deformed(model, state, t[1]) * j +
+                        deformed(model, state, t[2]) * (40 - i - j)) /
+                       40.0;
+        if ((p - Vec3(1e-3, 0.7e-3, -1.2e-3)).norm() > 6e-3) continue;
+        deepest =
+            std::max(deepest, -distance(model.instruments[0].shape, input.instruments[0].inverse() * p));
+      }
+  EXPECT_LT(deepest, 1.1 * felt_from * radius);
+}
+
+TEST_F(Places, HeldStillTheForceStays) {
+  take_needle();
+  for (const double friction : {0.0, 0.3}) {
+    model.settings.friction = friction;
+    State state = make_state(model);
+    for (int k = 0; k <= 10; ++k) press(state, Vec3(1e-3, 0.7e-3, -0.1e-3 * k));
+    for (int k = 0; k < 10; ++k) press(state, Vec3(1e-3, 0.7e-3, -1e-3));
+    const double force = state.wrenches[0].force.z();
+    EXPECT_GT(force, 0.03);
+    for (int k = 0; k < 1000; ++k) {
+      ASSERT_NEAR(press(state, Vec3(1e-3, 0.7e-3, -1e-3)), force, 1e-4 * force) << k;
+      ASSERT_EQ(state.status & ~strain_beyond_linear, 0u) << k;
+    }
+    press(state, Vec3(1e-3, 0.7e-3, 1e-3));
+    EXPECT_TRUE(state.contacts.empty());
+  }
+}
+
+// Up to 5 mm a tick, towards the surface and along it, over faces and edges: always felt, and its force
+// changes by no more than its motion explains.
+TEST_F(Places, AFastTipIsNeverLost) {
+  take_needle();
+  State slow = make_state(model);
+  double k = 0, last = 0;
+  for (double d = 0; d <= 5e-3; d += 0.1e-3) {
+    const double force = press(slow, Vec3(1e-3, 0.7e-3, -d));
+    k = std::max(k, std::abs(force - last) / 0.1e-3), last = force;
+  }
+  for (const double along : {5e-3, 2.7e-3, 1.1e-3, 0.3e-3}) {
+    SCOPED_TRACE(along);
+    State state = make_state(model);
+    last = 0;
+    for (double z = 2.2e-3; z > -5e-3; z -= along) {
+      const double force = press(state, Vec3(1e-3, 0.7e-3, z));
+      EXPECT_LE(std::abs(force - last), 1.2 * k * along);
+      EXPECT_TRUE(force > 1e-3 || z > -0.1e-3) << force;
+      last = force;
+    }
+  }
+  for (const double friction : {0.0, 0.3})
+    for (const double along : {5e-3, 1e-3, 0.3e-3, 0.1e-3}) {
+      SCOPED_TRACE(fmt::format("friction {}, {} mm a tick", friction, 1e3 * along));
+      model.settings.friction = friction;
+      State state = make_state(model);
+      for (int i = 0; i <= 15; ++i) press(state, Vec3(-9e-3, 0.7e-3, -0.1e-3 * i));
+      last = state.wrenches[0].force.z();
+      for (double x = -9e-3; x <= 9e-3; x += along) {
+        const double force = press(state, Vec3(x, 0.7e-3, -1.5e-3));
+        EXPECT_GT(force, 0.02) << x;
+        EXPECT_FALSE(state.status & (bad_input | too_many_contacts));
+        last = force;
+      }
+    }
+}
+
+// A blade of 1 mm, edge on, askew to the rows of nodes: with its thickness said it is felt along its edge.
+TEST_F(Places, ABladesEdge) {
+  const Vec3 half(10e-3, 0.5e-3, 10e-3);
+  const Eigen::Quaterniond askew(Eigen::AngleAxisd(0.3, Vec3::UnitZ()));
+  double felt[2];
+  for (int with = 0; with < 2; ++with) {
+    take(lattice_of(make_box({-half, half}), 0.25e-3), with ? 1e-3 : 0);
+    State state = make_state(model);
+    for (int k = 0; k <= 10; ++k) {
+      step(model, state, at(Vec3(1e-3, 0.7e-3, 10e-3 - 0.1e-3 * k), askew));
+      EXPECT_EQ(state.status & ~strain_beyond_linear, 0u) << k;
+    }
+    felt[with] = state.wrenches[0].force.z();
+  }
+  EXPECT_GT(felt[1], 0.15);
+  EXPECT_LT(felt[0], 0.7 * felt[1]);  // what nodes alone see of it
+}
+
+// Blunt instruments, and flat sides, are the nodes' business.
+TEST_F(Places, BluntOnesHaveNone) {
+  for (const Shape& shape :
+       {Shape{Sphere{5e-3}}, Shape{Cuboid{Vec3(8e-3, 8e-3, 0.5e-3)}}, Shape{HalfSpace{}}}) {
+    take(shape);
+    State state = make_state(model);
+    for (int k = 0; k <= 10; ++k)
+      step(model, state,
+           at(Vec3(0, 0, (std::holds_alternative<HalfSpace>(shape) ? 0 : half_height(shape)) - 0.1e-3 * k),
+              std::holds_alternative<HalfSpace>(shape)
+                  ? Eigen::Quaterniond(Eigen::AngleAxisd(3.14159265358979, Vec3::UnitX()))
+                  : Eigen::Quaterniond::Identity()));
+    EXPECT_GE(state.contacts.size(), 1u);
+    for (const Contact& c : state.contacts) EXPECT_EQ(c.triangle, -1);
+  }
+}
+
+TEST_F(Places, OldSurfacesGiveTheSameBits) {
+  take_needle();
+  for (const double friction : {0.0, 0.3})
+    for (const int lag : {1, 13}) {
+      model.settings.friction = friction;
+      State fresh = make_state(model), late = make_state(model);
+      Surface old = late.surface;
+      Deformer deformer(model.organ);
+      std::size_t places = 0;
+      for (int k = 0; k < 120; ++k) {
+        const double x = -6e-3 + 0.1e-3 * k, z = -0.05e-3 * std::min(k, 24);
+        const Input input = tip_at(Vec3(x + (k > 60 ? 2e-3 : 0), 0.7e-3, z));
+        step(model, fresh, input);
+        if (k % lag == 0) deformer(model.organ, late.loads, old);
+        tick(model, late, input, old);
+        ASSERT_EQ(state_hash(fresh), state_hash(late)) << k;
+        for (const Contact& c : late.contacts) places += c.triangle >= 0;
+      }
+      EXPECT_GT(places, 60u);
+    }
+}
+
+// A needle that grips takes the nodes round its tip with it.
+TEST_F(Places, AGripBetweenNodes) {
+  take_needle();
+  State state = make_state(model);
+  Input input;
+  for (int k = 0; k <= 6; ++k) {
+    input = tip_at(Vec3(1e-3, 0.7e-3, -0.1e-3 * k));
+    step(model, state, input);
+  }
+  const Vec3 pressed = state.wrenches[0].force;
+  input.grips = {1};
+  step(model, state, input);
+  step(model, state, input);
+  EXPECT_EQ(state.grasps.size(), 3u);
+  EXPECT_LT((state.wrenches[0].force - pressed).norm(), 1e-3 * pressed.norm());  // closing changes no force
+  input.instruments[0].translation.z() += 2e-3;
+  step(model, state, input);
+  EXPECT_LT(state.wrenches[0].force.z(), -0.01);  // pulled
+  input.grips = {0};
+  step(model, state, input);
+  EXPECT_TRUE(state.grasps.empty());
+  EXPECT_TRUE(state.contacts.empty());
+}
+
+}  // namespace
+}  // namespace palpate
