@@ -54,6 +54,9 @@ class Compliance {
   // time, copies included.
   Compliance with_work() const;
   bool same_numbers(const Compliance& other) const noexcept { return storage_ == other.storage_; }
+  // Whether block() gives C_ij and C_ji the same bits. Of the hierarchical storage a far pair goes another
+  // way from each side.
+  bool mirrors_bits() const noexcept { return !storage_ || storage_->kind() <= Storage::half; }
   // All numbers of the dense float32 storage; empty in the others.
   std::span<const float> matrix() const noexcept;
 

@@ -224,7 +224,7 @@ Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weigh
 }
 
 void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows,
-                           std::span<const Index> watched) noexcept {
+                           std::span<const Index> watched, bool drop) noexcept {
   std::size_t missing = 0, present = 0, unseen = 0, seen = 0;
   combined_ = 0;
   std::fill(wanted_.begin(), wanted_.end(), std::uint8_t{0});
@@ -239,14 +239,13 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
   for (const Index row : watched) {
     const Index slot = slot_of(row);
     unseen += slot < 0;
-    if (is_loadable(slot) && used_ + missing > capacity_) continue;  // it has to make room
-    if (is_new(slot)) (is_loadable(slot) ? present : seen) += 1;
+    seen += slot >= 0 && !is_loadable(slot) && is_new(slot);
   }
   for (const Index row : rows)  // watched so far: its column is dropped with the next
     if (const Index slot = slot_of(row); slot >= 0 && !is_loadable(slot))
       wanted_[static_cast<std::size_t>(slot)] = 0, slot_of_row_[static_cast<std::size_t>(row)] = -1;
   // Every product of a solver runs over all slots: idle ones cost more than fetching them again.
-  if (used_ + missing > capacity_ || used_ > present + present / 8 + 8) drop_unwanted();
+  if (used_ + missing > capacity_ || (drop && used_ > present + present / 8 + 8)) drop_unwanted();
   if (watched_ + unseen > watchable_ || watched_ > seen + seen / 4 + 16) drop_unwatched();
   const std::size_t old = used_, old_watched = watched_;
   const auto put = [&](Index row, std::size_t slot) {

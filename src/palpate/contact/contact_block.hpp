@@ -19,9 +19,11 @@ class ContactBlock {
   ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined = 0);
 
   // Makes slots for these compliance rows, distinct, at most capacity; and for the watched ones while there
-  // is room. Rows of earlier calls stay cached while there is room.
-  void require(const Compliance& compliance, std::span<const Index> rows,
-               std::span<const Index> watched = {}) noexcept;
+  // is room. Rows of earlier calls stay cached; drop: while they are not too many. What is watched does not
+  // decide which rows are loadable, so of a storage that does not mirror bits those of a loadable row depend
+  // on the earlier calls' rows alone.
+  void require(const Compliance& compliance, std::span<const Index> rows, std::span<const Index> watched = {},
+               bool drop = true) noexcept;
   // A loadable slot for a point that rides on three nodes, until the next call of require(): its displacement
   // is the weighted mean of theirs, a force on it acts on them by these weights. slots: of the nodes,
   // loadable; -1: one that cannot move. The weights and the nodes' rows decide its bits.

@@ -114,7 +114,7 @@ void hold(const Model& model, State& state, For what) {
   for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
   w.watched.clear();
   for (const Index node : w.near) w.watched.push_back(model.organ.row_of[at(node)]);
-  w.block.require(w.compliance_of(model), w.wanted, w.watched);
+  w.block.require(w.compliance_of(model), w.wanted, w.watched, what == For::points);
   for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
   for (std::size_t i = 0; i < w.before.count; ++i) w.before_slots[i] = w.block.slot_of(w.before.rows[i]);
   for (ContactPoint& c : w.points) {
@@ -142,8 +142,9 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
   const std::size_t n = loads.count;
   const Index row = model.organ.row_of[at(node)];
   const Index slot = w.block.slot_of(row);
-  if (slot >= 0 && std::all_of(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n),
-                               [&](Index loaded) { return w.block.is_loadable(loaded); }))
+  if (slot >= 0 && (w.block.is_loadable(slot) || w.compliance_of(model).mirrors_bits()) &&
+      std::all_of(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n),
+                  [&](Index loaded) { return w.block.is_loadable(loaded); }))
     return w.block.displacement(slot, slots.first(n), {loads.forces.data(), n});
   w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
   return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
@@ -157,6 +158,12 @@ const Vec3& displacement(const Model& model, State& state, Index node) {
   if (w.u_number[at(node)] == state.loads.number) return u;
   w.u_number[at(node)] = state.loads.number;
   return u = displacement(model, w, node, state.loads, w.loaded);
+}
+
+void found_displacement(StepScratch& w, Index node, Index slot, const Vec3& u, std::uint64_t number) {
+  const bool to_rounding = !w.block.is_loadable(slot) && !w.compliance.mirrors_bits();
+  (to_rounding ? w.u_about : w.u)[at(node)] = u;
+  (to_rounding ? w.u_about_number : w.u_number)[at(node)] = number;
 }
 
 Vec3 displacement_before(const Model& model, State& state, Index node) {
@@ -174,7 +181,8 @@ void displace_near(const Model& model, State& state) {
   const auto each = [&](auto&& take) {
     for (const Index node : w.near)
       if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]);
-          w.u_number[at(node)] != state.loads.number && slot >= 0 && !w.block.is_loadable(slot))
+          w.u_number[at(node)] != state.loads.number && w.u_about_number[at(node)] != state.loads.number &&
+          slot >= 0 && !w.block.is_loadable(slot))
         take(node, slot);
   };
   each([&](Index, Index slot) { first = std::min(first, slot), last = std::max(last, slot); });
@@ -182,7 +190,7 @@ void displace_near(const Model& model, State& state) {
   w.block.displacements({w.loaded.data(), state.loads.count}, {state.loads.forces.data(), state.loads.count},
                         first, last + 1, w.placed_u);
   each([&](Index node, Index slot) {
-    w.u[at(node)] = w.block.in_planes<double>(w.placed_u, slot), w.u_number[at(node)] = state.loads.number;
+    found_displacement(w, node, slot, w.block.in_planes<double>(w.placed_u, slot), state.loads.number);
   });
 }
 
@@ -202,8 +210,13 @@ double drift(const Model& model, State& state, const Surface& surface) {
   if (then.number == state.loads.number) return 0;
   const double work = state.loads.work(), work_then = then.work();
   double both = 0;
-  for (std::size_t i = 0; i < then.count; ++i)
-    both += then.forces[i].dot(displacement(model, state, model.organ.node_of_row[at(then.rows[i])]));
+  StepScratch& w = *state.scratch;
+  for (std::size_t i = 0; i < then.count; ++i) {
+    const Index node = model.organ.node_of_row[at(then.rows[i])];
+    const bool about =
+        w.u_number[at(node)] != state.loads.number && w.u_about_number[at(node)] == state.loads.number;
+    both += then.forces[i].dot(about ? w.u_about[at(node)] : displacement(model, state, node));
+  }
   return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
 }
 
@@ -252,6 +265,10 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   const PlacedShape& shape = w.shapes[instrument];
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
+    if (w.u_number[at(node)] != state.loads.number && w.u_about_number[at(node)] == state.loads.number &&
+        w.sweeps[instrument].reach == 0 &&
+        shape.distance(model.organ.contact_points[at(node)] + w.u_about[at(node)]) > reach + w.tolerance)
+      continue;
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
     double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;

@@ -58,6 +58,8 @@ State make_state(const Model& model) {
   w.watched.reserve(s);
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
+  w.u_about.assign(s, Vec3::Zero());
+  w.u_about_number.assign(s, 0);
   w.loaded.resize(s);
   w.size = bounding_box(organ.surface.vertices).diagonal();
   w.tolerance = model.settings.tolerance * w.size;
@@ -122,7 +124,7 @@ void take_loads(const Model& model, State& state) {
   std::span<const double> u = w.solver.displacements();  // what is near, the solver has placed too
   const auto place = [&](Index node) {
     if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]); slot >= 0)
-      w.u[at(node)] = w.block.in_planes(u, slot), w.u_number[at(node)] = loads.number;
+      found_displacement(w, node, slot, w.block.in_planes(u, slot), loads.number);
   };
   if (w.places > 0) {  // by the nodes' forces, as later ticks will do it
     w.block.displacements({w.loaded.data(), loads.count}, {loads.forces.data(), loads.count}, w.placed_u);

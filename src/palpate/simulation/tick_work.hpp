@@ -59,10 +59,14 @@ struct StepScratch {
   std::vector<Index> wanted, watched;   // rows for the contact block
   std::vector<Vec3> u;                  // of each node, m; right under the loads of the same number:
   std::vector<std::uint64_t> u_number;  // of each node
-  std::vector<Index> loaded;            // slots of state.loads
-  std::vector<double> placed_u;         // of each slot, in planes
-  std::vector<float> compliance_rows;   // of a node without a slot
-  std::vector<float> softness;          // of each node: Clusters::softness
+  // The same to rounding only, of nodes whose rows came from another side (Compliance::mirrors_bits): enough
+  // to tell that they are far.
+  std::vector<Vec3> u_about;
+  std::vector<std::uint64_t> u_about_number;
+  std::vector<Index> loaded;           // slots of state.loads
+  std::vector<double> placed_u;        // of each slot, in planes
+  std::vector<float> compliance_rows;  // of a node without a slot
+  std::vector<float> softness;         // of each node: Clusters::softness
   Faces faces;
   int round = 0;                               // of the tick's solves
   std::size_t places = 0;                      // among the points
@@ -93,8 +97,11 @@ void add_near(StepScratch& w, Index node);
 // Whether there is room for so many more points; a place counts as three.
 bool has_room(const StepScratch& w, std::size_t more);
 // Of a node that can move, in float64, m: under state.loads, which have slots, and under the last tick's.
+// Their bits do not depend on what is watched.
 const Vec3& displacement(const Model& model, State& state, Index node);
 Vec3 displacement_before(const Model& model, State& state, Index node);
+// The block has found it for a node with a slot.
+void found_displacement(StepScratch& w, Index node, Index slot, const Vec3& u, std::uint64_t number);
 // sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
 double drift(const Model& model, State& state, const Surface& surface);
 // Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
