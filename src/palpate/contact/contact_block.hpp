@@ -1,5 +1,5 @@
 // The part of the compliance between the nodes in contact, gathered once and kept while they stay: a tick
-// adds a few rows and columns. Nodes that are only watched have columns and no rows: what moves is known of
+// adds a few rows and columns. Nodes that are only watched have rows and no columns: what moves is known of
 // them, what a force on them would do is not; so the products of a solver stay small enough for the cache.
 #pragma once
 
@@ -18,45 +18,58 @@ class ContactBlock {
  public:
   ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined = 0);
 
-  // Makes slots for these compliance rows, distinct, at most capacity; and for the watched ones while there
-  // is room. Rows of earlier calls stay cached; drop: while they are not too many. What is watched does not
-  // decide which rows are loadable, so of a storage that does not mirror bits those of a loadable row depend
-  // on the earlier calls' rows alone.
-  void require(const Compliance& compliance, std::span<const Index> rows, std::span<const Index> watched = {},
+  // Makes slots for these compliance rows, distinct, at most capacity. Rows of earlier calls stay cached;
+  // drop: while they are not too many. What is watched does not decide which rows are loadable, so of a
+  // storage that does not mirror bits those of a loadable row depend on the earlier calls alone. combined: so
+  // many slots will be asked of combine().
+  void require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined = 0,
                bool drop = true) noexcept;
+  // A slot to watch a row that has none; the one watched longest makes room. -1: there are no such slots.
+  Index watch(const Compliance& compliance, Index row) noexcept;
   // A loadable slot for a point that rides on three nodes, until the next call of require(): its displacement
   // is the weighted mean of theirs, a force on it acts on them by these weights. slots: of the nodes,
   // loadable; -1: one that cannot move. The weights and the nodes' rows decide its bits.
   Index combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept;
-  // Row a of a loadable slot, a = x, y, z: x of all slots, from plane() on y of all, from 2 plane() on z.
+  // Row a of a slot, a = x, y, z: x of all loadable slots, from plane() on y of all, from 2 plane() on z.
+  // Whole eights, of which there may be more than used(). require() may change it.
   const float* row(Index slot, int a) const noexcept {
-    return values_.data() + static_cast<std::size_t>(3 * slot + a) * 3 * plane_;
+    return values_.data() +
+           (3 * place_of(static_cast<std::size_t>(slot)) + static_cast<std::size_t>(a)) * 3 * plane_;
   }
   std::size_t plane() const noexcept { return plane_; }
+  std::size_t most_plane() const noexcept { return first_watched_; }
   // A slot's vector of what displacements() and add_displacements() fill.
   template <class Scalar>
   Vec3 in_planes(std::span<const Scalar> u, Index slot) const noexcept {
     const Scalar* x = u.data() + slot;
     return Eigen::Matrix<Scalar, 3, 1>(x[0], x[plane_], x[2 * plane_]).template cast<double>();
   }
-  // C between two slots, the first loadable, m/N.
+  // C between two slots, the second loadable, m/N.
   Mat3 between(Index i, Index j) const noexcept;
-  // Of a slot's node under forces on loadable ones, m: their order decides the bits, not that of the slots.
-  Vec3 displacement(Index slot, std::span<const Index> loaded, std::span<const Vec3> forces) const noexcept;
+  // Forces on some slots into planes; zero elsewhere.
+  void spread(std::span<const Index> loaded, std::span<const Vec3> forces,
+              std::span<float> planes) const noexcept;
+  // Of a slot's node under forces on loadable ones, in planes, m.
+  Vec3 displacement(Index slot, std::span<const float> forces) const noexcept;
   // The same of a node that has no slot, from its three rows of C against the loaded nodes, 3 forces.size()
-  // numbers each; to the same bits.
+  // numbers each.
   static Vec3 displacement(const float* rows, std::span<const Vec3> forces) noexcept;
-  // The same of some slots at once, and of all; in planes as a row: 3 plane() numbers.
-  void displacements(std::span<const Index> loaded, std::span<const Vec3> forces, Index first, Index last,
-                     std::span<double> u) const noexcept;
+  // Of all loadable slots at once, summed in float64; in planes as a row: 3 plane() numbers.
   void displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
                      std::span<double> u) const noexcept;
   // u += of a force on one slot, in float32, of the loadable ones.
   void add_displacements(Index loaded, const Vec3& force, std::span<float> u) const noexcept;
+  // u += C f over the loadable slots, in float32, f and u in planes; f is zero where there is no force. From
+  // half of C, as it is symmetric: what is streamed is the limit.
+  void add_product(std::span<const float> f, std::span<float> u) const noexcept;
   // Slot of a compliance row, -1: not cached.
   Index slot_of(Index row) const noexcept { return slot_of_row_[static_cast<std::size_t>(row)]; }
   bool is_loadable(Index slot) const noexcept {
     return slot >= 0 && static_cast<std::size_t>(slot) < first_watched_;
+  }
+  // Its inverse; -1: of a combined one.
+  Index row_of(Index slot) const noexcept {
+    return static_cast<std::size_t>(slot) < used_ ? row_of_slot_[static_cast<std::size_t>(slot)] : -1;
   }
   std::size_t capacity() const noexcept { return capacity_; }
   // Loadable slots in use: the first ones.
@@ -69,20 +82,20 @@ class ContactBlock {
     return {row_of_slot_.data() + first, count};
   }
   float* values_of(std::size_t slot, std::size_t a) noexcept {
-    return values_.data() + (3 * slot + a) * 3 * plane_;
+    return values_.data() + (3 * place_of(slot) + a) * 3 * plane_;
   }
-  void displace(std::span<const Index> loaded, std::span<const Vec3> forces, std::size_t first,
-                std::size_t count, double* u) const noexcept;
-  template <class Move>
-  std::size_t keep_wanted(std::size_t first, std::size_t last, Move&& move) noexcept;
+  // Rows of the loadable slots stand first, then those of the watched ones.
+  std::size_t place_of(std::size_t slot) const noexcept {
+    return slot < first_watched_ ? slot : slot - first_watched_ + plane_;
+  }
+  void widen(std::size_t plane) noexcept;
   void drop_unwanted() noexcept;
-  void drop_unwatched() noexcept;
-  void move_column(std::size_t from, std::size_t to) noexcept;
+  void move_slot(std::size_t from, std::size_t to) noexcept;
   void fetch(const Compliance& compliance, std::size_t first, std::size_t last) noexcept;
-  void fetch_watched(const Compliance& compliance, std::size_t first, std::size_t last) noexcept;
 
-  std::size_t capacity_, watchable_, first_watched_, plane_, used_ = 0, combined_ = 0, watched_ = 0;
-  HugeArray<float> values_;           // 3 rows of 3 planes a loadable slot, m/N
+  std::size_t capacity_, watchable_, first_watched_, plane_, used_ = 0, combined_ = 0, watched_ = 0,
+                                                             oldest_ = 0;
+  HugeArray<float> values_;           // 3 rows of 3 planes a slot, m/N
   std::vector<float> fetched_;        // rows as a compliance gives them
   std::vector<Index> slot_of_row_;    // slot of each compliance row, -1: not cached
   std::vector<Index> row_of_slot_;    // its inverse

@@ -16,31 +16,25 @@ namespace palpate {
 
 namespace {
 
-constexpr int sweeps = 2;
-constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
-constexpr double loose = 0.01;        // and of what the gaps are off before
-constexpr double settled = 1e-3;      // of the sum of the pressures: change of all friction in a sweep
+constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;
+constexpr double little_turned = 0.02;  // rad: of a normal, so that its row of N^T C N may stay
+constexpr int most_products = 12;       // of a step for friction
+constexpr double enough = 0.3;          // of its residual, by which it is reduced
+constexpr double negligible = 2e-4;     // of the sum of the pressures: friction that is as much off is right
+constexpr double linear_share = 0.1;    // of the tolerance: how exactly pressures are solved for
+constexpr double loose = 0.01;          // and of what the gaps are off before
+constexpr double settled = 1e-3;        // of the sum of the pressures: change of all friction in a sweep
 
 }  // namespace
 
-// A point's own compliance, inverted along the surface.
-void ContactSolver::own_compliance(const ContactBlock& block, std::size_t i, const ContactPoint& c) noexcept {
-  const Mat3 own = block.between(c.slot, c.slot);
-  int least = 0;
-  c.normal.cwiseAbs().minCoeff(&least);
-  Eigen::Matrix<double, 3, 2> along;
-  along.col(0) = c.normal.cross(Vec3::Unit(least)).normalized();
-  along.col(1) = c.normal.cross(along.col(0));
-  stiffness_[i] = along * (along.transpose() * own * along).inverse() * along.transpose();
+void ContactSolver::clear(const ContactBlock& block, std::vector<float>& planes) noexcept {
+  for (std::size_t b = 0; b < 3; ++b) std::fill_n(planes.data() + b * block.plane(), block.width(), 0.0f);
 }
 
-// The friction of a point that has a gap and normal, along the surface there.
-void ContactSolver::linearise_friction(const ContactBlock& block, const ContactPoint& c,
-                                       std::size_t i) noexcept {
-  if (c.held) own_compliance(block, i, c);
-  const Vec3 friction = force_[i] - c.normal.dot(force_[i]) * c.normal;
-  if (!c.held && friction != Vec3::Zero()) add_force(block, c, i, -friction);
-  rhs_[i] = c.gap / c.slope - c.normal.dot(c.u);
+void ContactSolver::add_in_planes(const ContactBlock& block, Index slot, const Vec3& v,
+                                  std::vector<float>& planes) noexcept {
+  for (std::size_t b = 0; b < 3; ++b)
+    planes[b * block.plane() + static_cast<std::size_t>(slot)] += static_cast<float>(v[static_cast<int>(b)]);
 }
 
 Vec3 ContactSolver::reached_by(const ContactBlock& block, const ContactPoint& c,
@@ -48,90 +42,257 @@ Vec3 ContactSolver::reached_by(const ContactBlock& block, const ContactPoint& c,
   return base_[i] + block.in_planes<float>(moved_, c.slot);
 }
 
-// The displacement of all slots goes along with a point's force.
-void ContactSolver::add_force(const ContactBlock& block, const ContactPoint& c, std::size_t i,
-                              const Vec3& d) noexcept {
-  force_[i] += d;
-  block.add_displacements(c.slot, d, moved_);
+void ContactSolver::add_share(const ContactBlock& block, double share, std::span<const float> from,
+                              std::vector<float>& to) noexcept {
+  for (std::size_t b = 0; b < 3; ++b)
+    for (std::size_t k = b * block.plane(); k < b * block.plane() + block.width(); ++k)
+      to[k] += static_cast<float>(share) * from[k];
 }
 
-// pressure_ for the friction there is, which is cut where the pressure no longer bears it; moved_ goes along.
-bool ContactSolver::press(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
-                          double tolerance) noexcept {
+// Along the surface.
+Vec3 ContactSolver::slip_of(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept {
+  const Vec3 slip = reached_by(block, c, i) - c.reference;
+  return slip - c.normal.dot(slip) * c.normal;
+}
+
+void ContactSolver::change_force(const ContactBlock& block, const ContactPoint& c, std::size_t i,
+                                 const Vec3& d) noexcept {
+  if (d == Vec3::Zero()) return;
+  force_[i] += d;
+  add_in_planes(block, c.slot, d, forces_);
+  pending_ = true;
+}
+
+// What changed of the forces moves all slots.
+void ContactSolver::move(const ContactBlock& block) noexcept {
+  if (!pending_) return;
+  block.add_product(forces_, moved_);
+  clear(block, forces_);
+  pending_ = false;
+}
+
+// pressure_ by the linearised gaps at the forces so far, and friction that follows it: what slips keeps its
+// direction and takes its share. Returns how far the gaps were off, m; negative where they were not solved.
+double ContactSolver::press(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
+                            double tolerance, double good_enough) noexcept {
   const std::size_t m = points.size();
   double off = 0;
   for (std::size_t i = 0; i < m; ++i) {
+    start_[i] = points[i].normal.dot(force_[i]);
     const double gap = rhs_[i] + points[i].normal.dot(reached_by(block, points[i], i));
-    gap_[i] = scale_[i] * gap;
-    start_[i] = start_of(points[i], force_[i]);
+    gap_[i] = normals_.scale(i) * gap;
     off = std::max(off, points[i].grasped || start_[i] > 0 ? std::abs(gap) : -gap);
   }
+  if (off <= good_enough) return off;
   const bool solved = find_pressures(points, std::max(tolerance, loose * off));
   for (std::size_t i = 0; i < m; ++i) {
-    const Vec3 pressed = points[i].normal.dot(force_[i]) * points[i].normal;
-    const Vec3 friction = force_[i] - pressed;
+    const ContactPoint& c = points[i];
+    Vec3 friction = force_[i] - start_[i] * c.normal;
     const double size = friction.norm(), most = std::max(0.0, mu * pressure_[i]);
-    const Vec3 d = pressure_[i] * points[i].normal - pressed -
-                   (size > most ? Vec3((1 - most / size) * friction) : Vec3(Vec3::Zero()));
-    if (d != Vec3::Zero()) add_force(block, points[i], i, d);
-    if (pressure_[i] <= 0 && !points[i].grasped) force_[i].setZero();  // but for rounding it is
+    if (size > most || (slips_[i] && size > 0)) friction *= most / size;
+    const bool pressed = pressure_[i] > 0 || c.grasped;
+    change_force(block, c, i,
+                 pressed ? Vec3(pressure_[i] * c.normal + friction - force_[i]) : Vec3(-force_[i]));
+    if (!pressed) force_[i].setZero();  // but for rounding it is
   }
-  return solved;
+  move(block);
+  return solved ? off : -1;
 }
 
-// Friction towards no slip, within mu times pressure_. The sum of what changed, N.
+// Friction for the pressures there are: the least work against the slips, over the disks |f_t| <= mu p. A
+// step of Newton's method: what slips turns along its circle, what sticks goes anywhere along the surface; by
+// conjugate gradients, then back onto the disks. The sum of what changed, N.
 double ContactSolver::rub(const ContactBlock& block, std::span<const ContactPoint> points,
                           double mu) noexcept {
+  const std::size_t m = points.size();
+  double size_of_residual = 0, pressures = 0, off = 0;  // off: N, about, of all friction
+  for (std::size_t i = 0; i < m; ++i) {
+    const ContactPoint& c = points[i];
+    change_of_[i] = search_[i] = Vec3::Zero();
+    weight_[i] = curve_[i] = 0;
+    const double p = c.normal.dot(force_[i]), radius = mu * p;
+    if (p <= 0 || c.grasped) continue;
+    pressures += p;
+    if (!c.held) continue;
+    const Vec3 friction = force_[i] - p * c.normal;
+    Vec3 slip = slip_of(block, c, i);
+    slips_[i] = friction != Vec3::Zero() && (friction - slip / own_[i]).norm() > radius;
+    // Along the surface, or only along the circle.
+    along_circle_[i] = slips_[i] ? Vec3(c.normal.cross(friction).normalized()) : Vec3(Vec3::Zero());
+    if (slips_[i]) {
+      curve_[i] = std::max(0.0, -slip.dot(friction) / friction.squaredNorm());
+      slip = along_circle_[i].dot(slip) * along_circle_[i];
+    }
+    weight_[i] = 1 / (own_[i] + curve_[i]);
+    residual_[i] = -slip;
+    search_[i] = weight_[i] * residual_[i];
+    size_of_residual += residual_[i].dot(search_[i]);
+    off += search_[i].norm();
+  }
+  const double first = size_of_residual;
+  for (int k = 0; k < most_products && size_of_residual > enough * enough * first &&
+                  (k == 0 || off > negligible * pressures);
+       ++k) {
+    clear(block, tried_), clear(block, product_of_);
+    for (std::size_t i = 0; i < m; ++i)
+      if (weight_[i] > 0) add_in_planes(block, points[i].slot, search_[i], tried_);
+    block.add_product(tried_, product_of_);
+    double bent = 0;
+    for (std::size_t i = 0; i < m; ++i) {
+      if (weight_[i] == 0) continue;
+      Vec3& moved = step_of_[i] = block.in_planes<float>(product_of_, points[i].slot);
+      moved = slips_[i] ? Vec3(along_circle_[i].dot(moved) * along_circle_[i] + curve_[i] * search_[i])
+                        : Vec3(moved - points[i].normal.dot(moved) * points[i].normal);
+      bent += search_[i].dot(moved);
+    }
+    if (!(bent > 0)) break;
+    const double length = size_of_residual / bent;
+    add_share(block, length, product_of_, moved_);
+    double next = off = 0;
+    for (std::size_t i = 0; i < m; ++i) {
+      if (weight_[i] == 0) continue;
+      change_of_[i] += length * search_[i];
+      residual_[i] -= length * step_of_[i];
+      next += weight_[i] * residual_[i].squaredNorm();
+      off += weight_[i] * residual_[i].norm();
+    }
+    for (std::size_t i = 0; i < m; ++i)
+      if (weight_[i] > 0) search_[i] = weight_[i] * residual_[i] + next / size_of_residual * search_[i];
+    size_of_residual = next;
+  }
+  double change = 0;
+  for (std::size_t i = 0; i < m; ++i) {
+    const ContactPoint& c = points[i];
+    const double p = c.normal.dot(force_[i]), radius = std::max(0.0, mu * p);
+    const Vec3 friction = force_[i] - p * c.normal;
+    Vec3 wanted = friction + change_of_[i];
+    const double size = wanted.norm();
+    if (size > radius || (slips_[i] && size > 0)) wanted *= radius / size;
+    if (c.grasped) continue;
+    change += (wanted - friction).norm();
+    // What the steps have moved is known; what the way back onto the circles does, waits.
+    force_[i] += change_of_[i];
+    change_force(block, c, i, wanted - friction - change_of_[i]);
+  }
+  return change;
+}
+
+// The same point by point, each for what the others do by then: slow and sure, for where Newton's steps go to
+// and fro between sticking and slipping.
+double ContactSolver::rub_in_turn(const ContactBlock& block, std::span<const ContactPoint> points,
+                                  double mu) noexcept {
   double change = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
-    if (!c.held || pressure_[i] <= 0) continue;
-    const Vec3 friction = force_[i] - c.normal.dot(force_[i]) * c.normal;
-    const Vec3 wanted = friction - stiffness_[i] * (reached_by(block, c, i) - c.reference);
-    const double size = wanted.norm(), most = mu * pressure_[i];
-    const Vec3 d = (size > most ? Vec3(most / size * wanted) : wanted) - friction;
-    if (d == Vec3::Zero()) continue;
-    add_force(block, c, i, d);
+    const double p = c.normal.dot(force_[i]), radius = mu * p;
+    if (!c.held || p <= 0 || c.grasped) continue;
+    const Vec3 friction = force_[i] - p * c.normal;
+    Vec3 wanted = friction - slip_of(block, c, i) / (1.5 * own_[i]);
+    const double size = wanted.norm();
+    slips_[i] = 0;  // friction is only cut then, where pressures no longer bear it
+    if (size > radius) wanted *= radius / size;
+    const Vec3 d = wanted - friction;
+    force_[i] += d;
+    block.add_displacements(c.slot, d, moved_);
     change += d.norm();
   }
   return change;
 }
 
-SolveResult ContactSolver::coulomb(const ContactBlock& block, std::span<const PlacedShape> shapes,
-                                   std::span<ContactPoint> points, double mu,
-                                   const SolverLimits& limits) noexcept {
+// Before the first turn: no pull, no friction where there can be none, and what slips on its circle.
+void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points,
+                                   double mu) noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ContactPoint& c = points[i];
+    const double p = c.normal.dot(force_[i]), radius = mu * p;
+    if (c.grasped) continue;
+    if (p <= 0) {
+      change_force(block, c, i, -force_[i]);
+      continue;
+    }
+    const Vec3 friction = force_[i] - p * c.normal;
+    if (mu < 0) continue;
+    if (!c.held || mu == 0) {
+      change_force(block, c, i, -friction);
+      continue;
+    }
+    const Vec3 trial = friction - slip_of(block, c, i) / own_[i];
+    slips_[i] = trial.norm() > radius;
+    if (!slips_[i]) continue;
+    const Vec3& to = friction.norm() > 0.5 * radius ? friction : trial;
+    change_force(block, c, i, radius / to.norm() * to - friction);
+  }
+}
+
+SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const PlacedShape> shapes,
+                                 std::span<ContactPoint> points, double mu,
+                                 const SolverLimits& limits) noexcept {
   SolveResult result;
   const std::size_t m = points.size();
   for (std::size_t i = 0; i < m; ++i) {
     force_[i] = points[i].force, base_[i] = points[i].u;
     last_change_[i] = Vec3::Zero();
+    own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
   }
-  std::fill(moved_.begin(), moved_.end(), 0.0f);
-  int turns = 0;
+  clear(block, moved_), clear(block, forces_), pending_ = false;
+  for (std::size_t i = 0; i < m; ++i) change_force(block, points[i], i, points[i].foreseen);
+  move(block);
+  for (std::size_t i = 0; i < m; ++i) points[i].u = reached_by(block, points[i], i);
+  const int most = mu > 0 ? limits.max_relinearisations : std::min(newton_turns, limits.max_relinearisations);
+  const double linear = linear_share * limits.tolerance;
   double last_residual = std::numeric_limits<double>::infinity();
-  while (turns < limits.max_relinearisations && !result.converged) {
-    relinearise(shapes, points, turns > 0);
-    for (std::size_t i = 0; i < m; ++i) linearise_friction(block, points[i], i);
-    if (last_residual > limits.tolerance * 100) linearise(block, points);  // else the last one will do
-    if (turns++ == 0) press(block, points, mu, linear_share * limits.tolerance);
+  while (result.relinearisations < most && !result.converged) {
+    const int turn = ++result.relinearisations;
+    relinearise(shapes, points, turn > 1);
+    for (std::size_t i = 0; i < m; ++i) {
+      rhs_[i] = points[i].gap / points[i].slope - points[i].normal.dot(points[i].u);
+      slips_[i] = 0;
+    }
+    if (last_residual > limits.tolerance * 100)  // else the last one will do
+      normals_.update(block, points, turn == 1 ? little_turned : 0);
+    put_on_circles(block, points, turn <= newton_turns ? mu : -1);
+    bool solved = true;
     double change = 0;
-    for (int k = 0; k < sweeps; ++k) change = rub(block, points, mu);
-    const bool solved = press(block, points, mu, linear_share * limits.tolerance);
+    if (mu == 0 || (turn == 1 && !limits.predicted)) {
+      move(block);
+      solved = press(block, points, mu, linear, 0) >= 0;
+    }
+    if (mu > 0 && turn <= newton_turns)
+      change = rub(block, points, mu);
+    else if (mu > 0) {
+      move(block);
+      for (int k = 0; k < sweeps; ++k) change = rub_in_turn(block, points, mu);
+    }
+    // Friction that follows the pressures moves the gaps again, by a tenth.
+    for (int k = 0; k < (turn <= newton_turns ? most_presses : 1) && mu > 0; ++k) {
+      const double good_enough = k == 0 ? 0 : 0.5 * limits.tolerance,
+                   off = press(block, points, mu, linear, good_enough);
+      solved = off >= 0;
+      if (off <= good_enough) break;
+    }
+    move(block);
     for (std::size_t i = 0; i < m; ++i) u_[i] = reached_by(block, points[i], i);
     Step s;
     measure(shapes, points, s);
     result.converged =
         solved && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total && change <= settled * s.total;
-    if (!result.converged) calm(points, last_residual == std::numeric_limits<double>::infinity());
+    if (!result.converged) calm(points, turn == 1);
     last_residual = s.residual;
   }
-  result.relinearisations = turns;
-  displace(block, points);  // in float64, so no error gathers from tick to tick
+  if (limits.exact) displace(block, points);
   for (std::size_t i = 0; i < m; ++i) {
     points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
     points[i].gap = reached_[i].distance, points[i].path = gone_[i];
     const Vec3 friction = force_[i] - pressure_[i] * points[i].normal;
     points[i].sticks = points[i].held && friction.norm() < mu * pressure_[i] * (1 - 1e-9);
+  }
+  if (mu == 0 && !result.converged) {
+    SolverLimits rest = limits;
+    rest.max_relinearisations -= result.relinearisations;
+    if (rest.max_relinearisations > 0) {
+      const SolveResult more = unilateral(block, shapes, points, rest);
+      result = {more.converged, result.relinearisations + more.relinearisations};
+    }
   }
   return result;
 }

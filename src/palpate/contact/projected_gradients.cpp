@@ -21,23 +21,40 @@ float total(const float* parts) noexcept {
 
 }  // namespace
 
-PALPATE_CLONES void add_weighted_rows(const float* a, std::size_t n, std::size_t ld, std::span<const float> x,
-                                      float* y) noexcept {
-  constexpr std::size_t most = 4;
-  const float* row[most];
-  float weight[most];
-  std::size_t count = 0;
-  for (std::size_t j = 0; j < x.size(); ++j) {
-    if (x[j] == 0) continue;
-    row[count] = a + j * ld, weight[count++] = x[j];
-    if (count < most) continue;
-    for (std::size_t i = 0; i < n; ++i)
-      y[i] +=
-          (weight[0] * row[0][i] + weight[1] * row[1][i]) + (weight[2] * row[2][i] + weight[3] * row[3][i]);
-    count = 0;
+namespace {
+
+constexpr std::size_t width = 8;
+using Lanes [[gnu::vector_size(32)]] = float;
+using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = float;
+
+inline const LooseLanes& at(const float* p) noexcept { return *reinterpret_cast<const LooseLanes*>(p); }
+
+}  // namespace
+
+// Four rows at a time, both ways: each number of A is read once.
+PALPATE_CLONES void multiply_symmetric(const float* a, std::size_t n, std::size_t ld, const float* x,
+                                       float* y) noexcept {
+  std::fill_n(y, (n + 15) / 16 * 16, 0.0f);
+  for (std::size_t i = 0; i < n; i += 4) {
+    const float *r0 = a + i * ld, *r1 = i + 1 < n ? r0 + ld : r0, *r2 = i + 2 < n ? r0 + 2 * ld : r0,
+                *r3 = i + 3 < n ? r0 + 3 * ld : r0;
+    const float x0 = x[i], x1 = x[i + 1], x2 = x[i + 2], x3 = x[i + 3];  // zero beyond n
+    Lanes s0 = {}, s1 = {}, s2 = {}, s3 = {};
+    std::size_t k = 0;
+    for (; k + width <= i; k += width) {
+      const Lanes a0 = at(r0 + k), a1 = at(r1 + k), a2 = at(r2 + k), a3 = at(r3 + k), xk = at(x + k);
+      *reinterpret_cast<LooseLanes*>(y + k) += (a0 * x0 + a1 * x1) + (a2 * x2 + a3 * x3);
+      s0 += a0 * xk, s1 += a1 * xk, s2 += a2 * xk, s3 += a3 * xk;
+    }
+    const Lanes* sums[4] = {&s0, &s1, &s2, &s3};
+    for (std::size_t q = 0; q < std::min<std::size_t>(4, n - i); ++q) {
+      const Lanes& s = *sums[q];
+      const float* row = r0 + q * ld;
+      float sum = ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
+      for (std::size_t j = k; j < i + q; ++j) sum += row[j] * x[j], y[j] += row[j] * x[i + q];
+      y[i + q] += sum + row[i + q] * x[i + q];
+    }
   }
-  for (std::size_t k = 0; k < count; ++k)
-    for (std::size_t i = 0; i < n; ++i) y[i] += weight[k] * row[k][i];
 }
 
 PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size_t ld, float norm,
@@ -51,13 +68,13 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
   const float* const __restrict low = lower.data(), * const __restrict near = within.data();
   const float step = 1.8f / norm;
   int products = 0;
-  const auto multiply = [&](std::span<const float> v, float* out) {
-    add_weighted_rows(a, n, ld, v.first(n), out);
-    ++products;
+  const auto gradient = [&] {
+    multiply_symmetric(a, n, ld, y, g), ++products;
+    for (std::size_t i = 0; i < n; ++i) g[i] += b[i];
   };
-  std::copy_n(b.data(), n, g);
-  std::fill(g + n, g + end, 0.0f), std::fill(y + n, y + end, 0.0f);
-  if (std::any_of(y, y + n, [](float v) { return v != 0; })) multiply(x, g);
+  std::fill(y + n, y + end, 0.0f);
+  std::copy_n(b.data(), n, g), std::fill(g + n, g + end, 0.0f);
+  if (std::any_of(y, y + n, [](float v) { return v != 0; })) gradient();
   for (std::size_t i = 0; i < end; ++i) d[i] = y[i] > low[i] ? g[i] : 0.0f;
   while (products < most) {
     float reduced[lanes] = {}, chopped[lanes] = {};
@@ -75,8 +92,7 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
     const bool release = total(chopped) > total(reduced);
     if (release)
       for (std::size_t i = 0; i < end; ++i) d[i] = y[i] > low[i] ? 0.0f : std::min(g[i], 0.0f);
-    std::fill_n(ad, end, 0.0f);
-    multiply(work.way, ad);
+    multiply_symmetric(a, n, ld, d, ad), ++products;
     float slope[lanes] = {}, curvature[lanes] = {}, feasible[lanes];
     std::fill_n(feasible, lanes, std::numeric_limits<float>::infinity());
     for (std::size_t k = 0; k < end; k += lanes)
@@ -99,8 +115,7 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
     if (blocked) {
       for (std::size_t i = 0; i < end; ++i)
         y[i] = std::max(low[i], y[i] - (y[i] > low[i] ? step * g[i] : 0.0f));
-      std::copy_n(b.data(), n, g);
-      multiply(x, g);
+      gradient();
     } else if (!release) {
       float turn[lanes] = {};
       for (std::size_t k = 0; k < end; k += lanes)

@@ -9,16 +9,15 @@
 
 namespace palpate {
 
-// Adds a sum of rows: y += sum of x[j] times row j of a, for x[j] that are not zero. n entries a row, leading
-// dimension ld; the same bits by every instruction set.
-void add_weighted_rows(const float* a, std::size_t n, std::size_t ld, std::span<const float> x,
-                       float* y) noexcept;
+// y = A x for a symmetric A of which the lower triangle is read: rows one after the other, `ld` apart. x, y:
+// whole sixteens, x zero beyond n. The same bits by every instruction set.
+void multiply_symmetric(const float* a, std::size_t n, std::size_t ld, const float* x, float* y) noexcept;
 
 struct GradientWork {
   std::span<float> gradient, way, product;  // whole sixteens of n each
 };
 
-// a: n x n, rows one after the other, leading dimension ld. norm: an upper bound of A's largest eigenvalue.
+// a: n x n as above. norm: an upper bound of A's largest eigenvalue.
 // lower, within, x: whole sixteens, zero beyond n. x: a start within the bounds, and the answer. Ends when
 // the gradient A x + b is at most within[i] in size where x is free and no less than -within[i] at a bound.
 // Returns the number of products with A; -1 when `most` were not enough or A is not positive definite: x is

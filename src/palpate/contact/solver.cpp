@@ -23,18 +23,14 @@ constexpr double force_share = 1e-5;
 
 ContactSolver::ContactSolver(std::size_t capacity, std::size_t nodes, std::size_t plane)
     : capacity_(capacity),
-      normal_compliance_(capacity * ((capacity + 15) / 16 * 16)),
-      ld_((capacity + 15) / 16 * 16),
-      normals_(3 * plane),
-      row_(plane),
-      base_gradient_(ld_),
-      gradient_(ld_),
-      way_(ld_),
-      product_(ld_),
-      lower_(ld_),
-      within_(ld_),
-      change_(ld_),
-      scale_(capacity),
+      normals_(plane, capacity),
+      base_gradient_(NormalCompliance::most(plane, capacity)),
+      gradient_(base_gradient_.size()),
+      way_(base_gradient_.size()),
+      product_(base_gradient_.size()),
+      lower_(base_gradient_.size()),
+      within_(base_gradient_.size()),
+      change_(base_gradient_.size()),
       gap_(capacity),
       start_(capacity),
       without_(capacity),
@@ -45,7 +41,18 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t nodes, std::size_
       along_(std::max(capacity, 3 * plane)),
       moved_(3 * plane),
       base_(capacity),
-      stiffness_(capacity),
+      forces_(3 * plane),
+      tried_(3 * plane),
+      product_of_(3 * plane),
+      own_(capacity),
+      weight_(capacity),
+      curve_(capacity),
+      change_of_(capacity),
+      residual_(capacity),
+      search_(capacity),
+      step_of_(capacity),
+      along_circle_(capacity),
+      slips_(capacity),
       reached_(capacity),
       gone_(capacity),
       index_(3 * capacity),
@@ -64,66 +71,6 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t nodes, std::size_
   for (Column& c : columns_) c.u.resize(capacity), c.force.resize(capacity), c.change.resize(capacity);
   std::fill_n(system_.data(), system_.size(), 0.0);  // touch every page now, not in the first ticks
   std::fill_n(factor_.data(), factor_.size(), 0.0);
-  std::fill_n(normal_compliance_.data(), normal_compliance_.size(), 0.0f);
-}
-
-namespace {
-
-// out[j] = w . C_j n_j: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in planes.
-PALPATE_CLONES void along_normals(const float* rows, std::size_t plane, std::size_t slots, const Vec3f& w,
-                                  const float* n, float* __restrict out) noexcept {
-  const float wx = w[0], wy = w[1], wz = w[2];
-  std::fill_n(out, slots, 0.0f);
-  for (std::size_t b = 0; b < 3; ++b) {
-    const float *x = rows + b * plane, *y = x + 3 * plane, *z = y + 3 * plane, *along = n + b * plane;
-    for (std::size_t j = 0; j < slots; ++j) out[j] += ((x[j] * wx + y[j] * wy) + z[j] * wz) * along[j];
-  }
-}
-
-}  // namespace
-
-// N^T C N, the compliance along the normals; float32 does, as what forces do is read from displacements.
-void ContactSolver::linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept {
-  const std::size_t m = points.size(), plane = block.plane();
-  for (std::size_t b = 0; b < 3; ++b) std::fill_n(normals_.data() + b * plane, block.used(), 0.0f);
-  for (std::size_t i = 0; i < m; ++i) {
-    const ContactPoint& c = points[i];
-    const double own = c.normal.dot(block.between(c.slot, c.slot) * c.normal);
-    scale_[i] = own > 0 ? 1 / std::sqrt(own) : 1;
-    for (std::size_t b = 0; b < 3; ++b)
-      normals_[b * plane + static_cast<std::size_t>(c.slot)] =
-          static_cast<float>(scale_[i] * c.normal[static_cast<int>(b)]);
-  }
-  const auto scaled = [&](std::size_t i) -> Vec3f { return (scale_[i] * points[i].normal).cast<float>(); };
-  std::size_t hidden = 0;  // points of a node that another touches too
-  for (std::size_t i = 0; i < m; ++i)
-    for (std::size_t b = 0; b < 3; ++b)
-      if (normals_[b * plane + static_cast<std::size_t>(points[i].slot)] != scaled(i)[static_cast<int>(b)]) {
-        index_[hidden++] = static_cast<std::int32_t>(i);
-        break;
-      }
-  for (std::size_t i = 0; i < m; ++i) loaded_[i] = points[i].slot;
-  std::fill_n(product_.begin(), m, 0.0f);  // sums of the columns, none of which any eigenvalue exceeds
-  for (std::size_t i = 0; i < m; ++i) {
-    const Vec3f w = scaled(i);
-    along_normals(block.row(points[i].slot, 0), plane, block.width(), w, normals_.data(), row_.data());
-    float* out = normal_compliance_.data() + i * ld_;
-    for (std::size_t j = 0; j < m; ++j) out[j] = row_[static_cast<std::size_t>(loaded_[j])];
-    for (std::size_t k = 0; k < hidden; ++k) {
-      const auto j = static_cast<std::size_t>(index_[k]);
-      const float* x = block.row(points[i].slot, 0) + points[j].slot;
-      if (!points[j].grasped) {
-        out[j] = w.dot(block.between(points[i].slot, points[j].slot).cast<float>() * scaled(j));
-      } else {  // many, along axes
-        for (std::size_t b = 0; b < 3; ++b, x += plane)
-          if (points[j].normal[static_cast<int>(b)] != 0)
-            out[j] =
-                ((x[0] * w[0] + x[3 * plane] * w[1]) + x[6 * plane] * w[2]) * scaled(j)[static_cast<int>(b)];
-      }
-    }
-    for (std::size_t j = 0; j < m; ++j) product_[j] += std::abs(out[j]);
-  }
-  norm_ = m > 0 ? *std::max_element(product_.begin(), product_.begin() + static_cast<std::ptrdiff_t>(m)) : 0;
 }
 
 // pressure_ for gap_ at the pressures start_, to `tolerance` m of the linearised gaps. False: not found.
@@ -132,19 +79,27 @@ bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double 
   double total = 0;
   for (std::size_t i = 0; i < m; ++i) total += std::abs(start_[i]);
   const double never_more = total > 0 ? force_share * total : std::numeric_limits<double>::infinity();
+  const std::size_t n = normals_.size(), end = (n + 15) / 16 * 16;
+  std::fill_n(base_gradient_.begin(), end, 1e30f);  // where no point is nothing presses
+  std::fill_n(lower_.begin(), end, 0.0f), std::fill_n(within_.begin(), end, 0.0f);
+  std::fill_n(change_.begin(), end, 0.0f);
   for (std::size_t i = 0; i < m; ++i) {
-    base_gradient_[i] = static_cast<float>(gap_[i]);
-    lower_[i] = points[i].grasped ? -std::numeric_limits<float>::infinity()
-                                  : static_cast<float>(-start_[i] / scale_[i]);
-    within_[i] = static_cast<float>(std::min(scale_[i] * tolerance, never_more / scale_[i]));
-    change_[i] = 0;
+    const std::size_t k = normals_.row_of(i);
+    const double scale = normals_.scale(i);
+    base_gradient_[k] = static_cast<float>(gap_[i]);
+    lower_[k] =
+        points[i].grasped ? -std::numeric_limits<float>::infinity() : static_cast<float>(-start_[i] / scale);
+    within_[k] = static_cast<float>(std::min(scale * tolerance, never_more / scale));
   }
-  for (std::size_t i = m; i < std::min(m + 16, ld_); ++i) lower_[i] = within_[i] = change_[i] = 0;
-  const bool solved = minimise_over_bounds(normal_compliance_.data(), m, ld_, norm_, base_gradient_, lower_,
-                                           within_, change_, {gradient_, way_, product_}) >= 0 ||
-                      pivot(points);
-  for (std::size_t i = 0; i < m; ++i)
-    pressure_[i] = change_[i] <= lower_[i] ? 0 : start_[i] + scale_[i] * static_cast<double>(change_[i]);
+  const bool solved =
+      minimise_over_bounds(normals_.values(), n, normals_.ld(), normals_.norm(), base_gradient_, lower_,
+                           within_, change_, {gradient_, way_, product_}) >= 0 ||
+      pivot(points);
+  for (std::size_t i = 0; i < m; ++i) {
+    const std::size_t k = normals_.row_of(i);
+    pressure_[i] =
+        change_[k] <= lower_[k] ? 0 : start_[i] + normals_.scale(i) * static_cast<double>(change_[k]);
+  }
   return solved;
 }
 
@@ -152,21 +107,22 @@ bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double 
 // own between them.
 bool ContactSolver::pivot(std::span<const ContactPoint> points) noexcept {
   const std::size_t m = points.size();
-  const auto from = [&](std::size_t i) { return points[i].grasped ? 0 : lower_[i]; };
+  const auto row = [&](std::size_t i) { return normals_.row_of(i); };
+  const auto from = [&](std::size_t i) { return points[i].grasped ? 0 : lower_[row(i)]; };
   for (std::size_t i = 0; i < m; ++i) {
-    without_[i] = static_cast<double>(base_gradient_[i]);
+    without_[i] = static_cast<double>(base_gradient_[row(i)]);
     for (std::size_t j = 0; j < m; ++j) {
-      const auto c = static_cast<double>(normal_compliance_[std::min(i, j) * ld_ + std::max(i, j)]);
+      const auto c = static_cast<double>(normals_.between(i, j));
       system_[i * m + j] = i == j && !points[i].grasped ? c * (1 + 1e-6) : c;
       without_[i] += c * static_cast<double>(from(j));
     }
-    active_[i] = points[i].grasped ? bilateral : change_[i] > lower_[i];
-    pressure_[i] = static_cast<double>(change_[i] - from(i));
+    active_[i] = points[i].grasped ? bilateral : change_[row(i)] > lower_[row(i)];
+    pressure_[i] = static_cast<double>(change_[row(i)] - from(i));
   }
   const ComplementarityWork work{{factor_.data(), m * m}, {along_.data(), m}, {index_.data(), m}};
   const bool solved =
       solve_complementarity(system_.data(), m, m, without_.data(), active_, pressure_, work) > 0;
-  for (std::size_t i = 0; i < m; ++i) change_[i] = from(i) + static_cast<float>(pressure_[i]);
+  for (std::size_t i = 0; i < m; ++i) change_[row(i)] = from(i) + static_cast<float>(pressure_[i]);
   return solved;
 }
 
@@ -189,17 +145,16 @@ void ContactSolver::displace(const ContactBlock& block, std::span<const ContactP
 ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
                                            std::span<const ContactPoint> points, double tolerance) noexcept {
   const std::size_t m = points.size();
-  linearise(block, points);
+  normals_.update(block, points, 0);
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& c = points[i];
     start_[i] = start_of(c, c.force);
-    gap_[i] = scale_[i] * (c.gap / c.slope - c.normal.dot(c.u));
+    gap_[i] = normals_.scale(i) * (c.gap / c.slope - c.normal.dot(c.u));
   }
   for (std::size_t j = 0; j < m; ++j)
     if (start_[j] != 0) {
-      const double p = start_[j] / scale_[j];
-      const float* row = normal_compliance_.data() + j * ld_;
-      for (std::size_t i = 0; i < m; ++i) gap_[i] += p * static_cast<double>(row[i]);
+      const double p = start_[j] / normals_.scale(j);
+      for (std::size_t i = 0; i < m; ++i) gap_[i] += p * static_cast<double>(normals_.between(i, j));
     }
   Step s;
   s.solved = find_pressures(points, tolerance);

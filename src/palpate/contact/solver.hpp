@@ -11,6 +11,7 @@
 #include "palpate/contact/clusters.hpp"
 #include "palpate/contact/complementarity.hpp"
 #include "palpate/contact/contact_block.hpp"
+#include "palpate/contact/normal_compliance.hpp"
 #include "palpate/contact/path.hpp"
 
 namespace palpate {
@@ -27,15 +28,16 @@ struct ContactPoint {
   // What is finer than a triangle meets it as a tip meets a plane: the force goes along the triangle's
   // normal, as a tip has none of its own, or one that turns within a fraction of the triangle. So a place's
   // gap is linear in u until the caller looks again: offset + tilt facing.u.
-  Vec3 facing = Vec3::Zero();   // into the organ, unit
-  double offset = 0, tilt = 0;  // m; -
-  Vec3 rest = Vec3::Zero();     // position at rest, m
-  Vec3 u = Vec3::Zero();        // displacement, m: in, the last tick's; out, the solution's
-  Vec3 normal = Vec3::Zero();   // direction of the force, unit
-  double gap = 0;               // m, at rest + u
-  double slope = 1;             // of the gap along the normal
-  double pressure = 0;          // N along the normal: in, the last tick's; out, the solution's
-  Vec3 force = Vec3::Zero();    // N, on the organ
+  Vec3 facing = Vec3::Zero();    // into the organ, unit
+  double offset = 0, tilt = 0;   // m; -
+  Vec3 rest = Vec3::Zero();      // position at rest, m
+  Vec3 u = Vec3::Zero();         // displacement, m: in, the last tick's; out, the solution's
+  Vec3 normal = Vec3::Zero();    // direction of the force, unit
+  double gap = 0;                // m, at rest + u
+  double slope = 1;              // of the gap along the normal
+  double pressure = 0;           // N along the normal: in, the last tick's; out, the solution's
+  Vec3 force = Vec3::Zero();     // N, on the organ
+  Vec3 foreseen = Vec3::Zero();  // N: in, a guess of how it will change in this tick
   // Friction: whether the point touched before, and its displacement if it has not slipped since, m.
   bool held = false;
   Vec3 reference = Vec3::Zero();
@@ -65,6 +67,8 @@ inline double start_of(const ContactPoint& c, const Vec3& force) noexcept {
 struct SolverLimits {
   double tolerance = 0;  // m, of the gaps
   int max_relinearisations = 100;
+  bool predicted = false;  // the points' forces are near what they will be
+  bool exact = true;       // u in float64 from all forces, rather than by what changed since the last tick
 };
 
 struct SolveResult {
@@ -79,17 +83,11 @@ class ContactSolver {
   ContactSolver(std::size_t capacity, std::size_t nodes, std::size_t plane);
   std::size_t capacity() const noexcept { return capacity_; }
 
-  // gap >= 0, pressure >= 0, gap * pressure = 0 at every point, of grasped ones gap = 0; forces along the
-  // shape's normal (no friction). The order of the points decides the bits, that of the block's slots does
-  // not.
-  SolveResult unilateral(const ContactBlock& block, std::span<const PlacedShape> shapes,
-                         std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
-  // The same with friction: |f_t| <= mu p, and where a held point slips, f_t = -mu p along the slip from its
-  // reference. Points that are not held yet have no friction in this call.
-  SolveResult coulomb(const ContactBlock& block, std::span<const PlacedShape> shapes,
-                      std::span<ContactPoint> points, double mu, const SolverLimits& limits) noexcept;
-  // What the forces of the last call of unilateral() or coulomb() do to all slots of its block, m, in planes.
-  std::span<const double> displacements() const noexcept { return along_; }
+  // gap >= 0, pressure >= 0, gap * pressure = 0 at every point, of grasped ones gap = 0; |f_t| <= mu p, and
+  // where a held point slips, f_t = -mu p along the slip from its reference. Points that are not held yet
+  // have no friction in this call. The order of the points and of the block's slots decides the bits.
+  SolveResult solve(const ContactBlock& block, std::span<const PlacedShape> shapes,
+                    std::span<ContactPoint> points, double mu, const SolverLimits& limits) noexcept;
   // The thesis (T 4.3.2): every point is moved onto the shape's surface, to where the normal at rest + u
   // leads; forces may pull. Points must be distinct nodes.
   SolveResult prescribed(const ContactBlock& block, std::span<const PlacedShape> shapes,
@@ -110,6 +108,8 @@ class ContactSolver {
   struct History {
     int depth = 0, newest = 0;
   };
+  SolveResult unilateral(const ContactBlock& block, std::span<const PlacedShape> shapes,
+                         std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
   Step propose(const ContactBlock& block, std::span<const PlacedShape> shapes,
                std::span<const ContactPoint> points, double tolerance) noexcept;
   bool find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept;
@@ -123,38 +123,44 @@ class ContactSolver {
   void partial(std::span<const ContactPoint> points, double share) noexcept;
   void advance(std::span<const PlacedShape> shapes, std::span<ContactPoint> points, double penalty,
                History& history) noexcept;
-  void own_compliance(const ContactBlock& block, std::size_t i, const ContactPoint& c) noexcept;
-  void linearise_friction(const ContactBlock& block, const ContactPoint& c, std::size_t i) noexcept;
-  void add_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
+  static void clear(const ContactBlock& block, std::vector<float>& planes) noexcept;
+  static void add_in_planes(const ContactBlock& block, Index slot, const Vec3& v,
+                            std::vector<float>& planes) noexcept;
+  static void add_share(const ContactBlock& block, double share, std::span<const float> from,
+                        std::vector<float>& to) noexcept;
   Vec3 reached_by(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept;
-  bool press(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
-             double tolerance) noexcept;
+  Vec3 slip_of(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept;
+  void change_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
+  void move(const ContactBlock& block) noexcept;
+  void put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  double press(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
+               double good_enough) noexcept;
   double rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  double rub_in_turn(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
-  void linearise(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
   void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
 
   std::size_t capacity_;
-  // Compliance along the normals, each scaled by scale_ so that the diagonal is 1; rows ld_ apart. norm_: no
-  // eigenvalue is larger.
-  HugeArray<float> normal_compliance_;
-  std::size_t ld_;
-  float norm_ = 0;
-  std::vector<float> normals_, row_;  // of each slot, scaled, in planes; a row of the slots'
-  std::vector<float> base_gradient_, gradient_, way_, product_, lower_, within_, change_;
-  std::vector<double> scale_;           // of each point, sqrt(N / m)
-  std::vector<double> gap_;             // of each point at its pressure so far, linearised, times scale_
+  NormalCompliance normals_;
+  std::vector<float> base_gradient_, gradient_, way_, product_, lower_, within_, change_;  // of its rows
+  std::vector<double> gap_;             // of each point at its pressure so far, linearised, times its scale
   std::vector<double> start_;           // and these pressures, N
-  std::vector<double> without_;         // gaps without any pressure, times scale_
+  std::vector<double> without_;         // gaps without any pressure, times the scales
   HugeArray<double> system_;            // unilateral: capacity^2; prescribed: (3 nodes)^2
   HugeArray<double> factor_;            // capacity^2
   std::vector<double> rhs_, pressure_;  // 3 capacity, capacity
   std::vector<double> along_;           // of each slot, in planes
   std::vector<float> moved_;            // u of all slots by the change from the last tick's forces, m
   std::vector<Vec3> base_;              // u of the points under these, m
-  std::vector<Mat3> stiffness_;         // of each point along the surface, N/m
-  std::vector<Gap> reached_;            // of each point at u_
-  std::vector<Path> gone_;              // and its path there
+  // Of all slots, in planes: changes of forces that moved_ has not seen yet, N; a step for friction, N, and
+  // what it does, m.
+  std::vector<float> forces_, tried_, product_of_;
+  bool pending_ = false;
+  std::vector<double> own_, weight_, curve_;  // of each point, see rub()
+  std::vector<Vec3> change_of_, residual_, search_, step_of_, along_circle_;
+  std::vector<std::uint8_t> slips_;  // of each point
+  std::vector<Gap> reached_;         // of each point at u_
+  std::vector<Path> gone_;           // and its path there
   std::vector<std::int32_t> index_;
   std::vector<std::uint8_t> active_;
   std::vector<Index> load_of_;   // of each slot, -1: no load

@@ -8,6 +8,8 @@
 // surface's age.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "palpate/simulation/tick_work.hpp"
 
@@ -15,19 +17,18 @@ namespace palpate {
 
 namespace {
 
-// Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
-constexpr double hidden = 1e-6;
+// Of the last tick's motion: farther than this nothing is foretold.
+constexpr double most_ahead = 1.5;
 
-// The largest way of a corner of the shape's box since it was at `last`.
-double motion(const Shape& shape, const Pose& last, const Pose& now) {
-  const Box box = bounding_box(shape);
-  double most = 0;
-  for (int corner = 0; corner < 8 && box.max.allFinite() && box.min.allFinite(); ++corner) {
-    const Vec3 p(corner & 1 ? box.max.x() : box.min.x(), corner & 2 ? box.max.y() : box.min.y(),
-                 corner & 4 ? box.max.z() : box.min.z());
-    most = std::max(most, (now * p - last * p).norm());
-  }
-  return most;
+// Corners of the shape's box; of one without an end a cube of 10 cm.
+std::array<Vec3, 8> corners_of(const Shape& shape) {
+  Box box = bounding_box(shape);
+  if (!box.max.allFinite() || !box.min.allFinite()) box = {Vec3::Constant(-0.05), Vec3::Constant(0.05)};
+  std::array<Vec3, 8> out;
+  for (std::size_t corner = 0; corner < 8; ++corner)
+    out[corner] = {corner & 1 ? box.max.x() : box.min.x(), corner & 2 ? box.max.y() : box.min.y(),
+                   corner & 4 ? box.max.z() : box.min.z()};
+  return out;
 }
 
 }  // namespace
@@ -38,15 +39,32 @@ void place(const Model& model, State& state, const Input& input) {
   const bool has_last = state.placed.size() == model.instruments.size() && state.loads.u_known &&
                         model.settings.mode == Mode::unilateral;
   w.shapes.clear();
+  double along = 0, last_squared = 0;  // of the instruments that touched, m2
   for (std::size_t i = 0; i < model.instruments.size(); ++i) {
     const Shape& shape = model.instruments[i].shape;
     w.shapes.emplace_back(shape, to_organ * normalized(input.instruments[i]));
-    w.sweeps[i] = {};
+    const Sweep last = std::exchange(w.sweeps[i], Sweep());
+    const std::array<Vec3, 8> own = corners_of(shape);
+    Sweep& sweep = w.sweeps[i];
+    for (std::size_t c = 0; c < own.size(); ++c) sweep.corners[c] = w.shapes[i].to_organ * own[c];
     if (!has_last) continue;
-    const double moved = motion(shape, state.placed[i], w.shapes[i].to_organ);
-    if (moved > largest_motion * w.size) continue;
-    w.sweeps[i] = {state.placed[i].inverse(), true, moved, moved > 0.5 * w.shapes[i].finest ? moved : 0.0};
+    const bool touched = std::any_of(state.contacts.begin(), state.contacts.end(),
+                                     [&](const Contact& c) { return at(c.instrument) == i; });
+    double moved = 0;
+    for (std::size_t c = 0; c < own.size(); ++c) {
+      sweep.ways[c] = sweep.corners[c] - last.corners[c];
+      if (finest(shape) < std::numeric_limits<double>::infinity())
+        moved = std::max(moved, sweep.ways[c].norm());
+      if (touched) along += sweep.ways[c].dot(last.ways[c]), last_squared += last.ways[c].squaredNorm();
+    }
+    if (moved > largest_motion * w.size) {
+      last_squared = std::numeric_limits<double>::infinity(), sweep.ways.fill(Vec3::Zero());
+      continue;
+    }
+    sweep.last = state.placed[i].inverse(), sweep.known = true, sweep.way = moved;
+    sweep.reach = moved > 0.5 * w.shapes[i].finest ? moved : 0.0;
   }
+  w.ahead = last_squared > 0 ? std::clamp(along / last_squared, -1.0, most_ahead) : 0;
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
   w.before.copy(state.loads);
@@ -95,6 +113,13 @@ bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
   return &c == &w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
 }
 
+bool is_alone(const Model& model, const StepScratch& w, const ContactPoint& c) {
+  for (Index other = 0; at(other) < w.shapes.size(); ++other)
+    if (other != c.instrument && w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0)
+      return false;
+  return true;
+}
+
 void hold(const Model& model, State& state, For what) {
   StepScratch& w = *state.scratch;
   w.wanted.clear();
@@ -112,11 +137,9 @@ void hold(const Model& model, State& state, For what) {
         for (const Index node : model.organ.surface.triangles[at(c.triangle)])
           want(model.organ.row_of[at(node)]);
   for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
-  w.watched.clear();
-  for (const Index node : w.near) w.watched.push_back(model.organ.row_of[at(node)]);
-  w.block.require(w.compliance_of(model), w.wanted, w.watched, what == For::points);
-  for (std::size_t i = 0; i < state.loads.count; ++i) w.loaded[i] = w.block.slot_of(state.loads.rows[i]);
-  for (std::size_t i = 0; i < w.before.count; ++i) w.before_slots[i] = w.block.slot_of(w.before.rows[i]);
+  w.block.require(w.compliance_of(model), w.wanted, what == For::points ? w.places : 0, what == For::points);
+  spread(w, state.loads, w.loaded);
+  spread(w, w.before, w.loaded_before);
   for (ContactPoint& c : w.points) {
     c.slot = c.triangle < 0 ? w.block.slot_of(c.row) : -1;
     if (c.triangle < 0 || what == For::loads) continue;
@@ -134,65 +157,64 @@ void forget_near(StepScratch& w) {
   w.near.clear();
 }
 
+void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread) {
+  const std::span<Index> slots = std::span(spread.slots).first(loads.count);
+  for (std::size_t i = 0; i < loads.count; ++i) slots[i] = w.block.slot_of(loads.rows[i]);
+  spread.loadable = std::all_of(slots.begin(), slots.end(), [&](Index s) { return w.block.is_loadable(s); });
+  if (spread.loadable) w.block.spread(slots, {loads.forces.data(), loads.count}, spread.planes);
+}
+
 namespace {
 
-// Displacement of a node under loads, whose slots are given, in float64.
 Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& loads,
-                  std::span<const Index> slots) {
+                  const StepScratch::Spread& spread) {
   const std::size_t n = loads.count;
   const Index row = model.organ.row_of[at(node)];
-  const Index slot = w.block.slot_of(row);
-  if (slot >= 0 && (w.block.is_loadable(slot) || w.compliance_of(model).mirrors_bits()) &&
-      std::all_of(slots.begin(), slots.begin() + static_cast<std::ptrdiff_t>(n),
-                  [&](Index loaded) { return w.block.is_loadable(loaded); }))
-    return w.block.displacement(slot, slots.first(n), {loads.forces.data(), n});
-  w.compliance_of(model).block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
+  const Compliance& compliance = w.compliance_of(model);
+  Index slot = w.block.slot_of(row);
+  if (spread.loadable) {
+    if (slot < 0 && compliance.mirrors_bits()) slot = w.block.watch(compliance, row);
+    if (slot >= 0 && (w.block.is_loadable(slot) || compliance.mirrors_bits()))
+      return w.block.displacement(slot, spread.planes);
+  }
+  compliance.block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
   return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
 }
 
 }  // namespace
 
-const Vec3& displacement(const Model& model, State& state, Index node) {
-  StepScratch& w = *state.scratch;
-  Vec3& u = w.u[at(node)];
-  if (w.u_number[at(node)] == state.loads.number) return u;
-  w.u_number[at(node)] = state.loads.number;
-  return u = displacement(model, w, node, state.loads, w.loaded);
+void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number) {
+  w.u[at(node)] = w.u_known[at(node)] = u;
+  w.u_number[at(node)] = number, w.travelled_then[at(node)] = w.travelled;
 }
 
-void found_displacement(StepScratch& w, Index node, Index slot, const Vec3& u, std::uint64_t number) {
-  const bool to_rounding = !w.block.is_loadable(slot) && !w.compliance.mirrors_bits();
-  (to_rounding ? w.u_about : w.u)[at(node)] = u;
-  (to_rounding ? w.u_about_number : w.u_number)[at(node)] = number;
+const Vec3& displacement(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  if (w.u_number[at(node)] != state.loads.number)
+    found_displacement(w, node, displacement(model, w, node, state.loads, w.loaded), state.loads.number);
+  return w.u[at(node)];
+}
+
+Vec3 displacement_about(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  const Index row = model.organ.row_of[at(node)];
+  Index slot = w.block.slot_of(row);
+  if (w.u_number[at(node)] == state.loads.number || w.compliance_of(model).mirrors_bits() ||
+      w.block.is_loadable(slot) || !w.loaded.loadable)
+    return displacement(model, state, node);
+  if (slot < 0) slot = w.block.watch(w.compliance_of(model), row);
+  w.u_known[at(node)] = w.block.displacement(slot, w.loaded.planes);
+  w.travelled_then[at(node)] = w.travelled;
+  return w.u_known[at(node)];
 }
 
 Vec3 displacement_before(const Model& model, State& state, Index node) {
   StepScratch& w = *state.scratch;
   return state.loads.number == w.before.number ? displacement(model, state, node)
-                                               : displacement(model, w, node, w.before, w.before_slots);
+                                               : displacement(model, w, node, w.before, w.loaded_before);
 }
 
 namespace {
-
-// The same of all that is newly watched, at once.
-void displace_near(const Model& model, State& state) {
-  StepScratch& w = *state.scratch;
-  Index first = static_cast<Index>(w.block.plane()), last = -1;
-  const auto each = [&](auto&& take) {
-    for (const Index node : w.near)
-      if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]);
-          w.u_number[at(node)] != state.loads.number && w.u_about_number[at(node)] != state.loads.number &&
-          slot >= 0 && !w.block.is_loadable(slot))
-        take(node, slot);
-  };
-  each([&](Index, Index slot) { first = std::min(first, slot), last = std::max(last, slot); });
-  if (last < 0) return;
-  w.block.displacements({w.loaded.data(), state.loads.count}, {state.loads.forces.data(), state.loads.count},
-                        first, last + 1, w.placed_u);
-  each([&](Index node, Index slot) {
-    found_displacement(w, node, slot, w.block.in_planes<double>(w.placed_u, slot), state.loads.number);
-  });
-}
 
 // How the node came near the shape: where it was in the last tick.
 Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
@@ -210,13 +232,8 @@ double drift(const Model& model, State& state, const Surface& surface) {
   if (then.number == state.loads.number) return 0;
   const double work = state.loads.work(), work_then = then.work();
   double both = 0;
-  StepScratch& w = *state.scratch;
-  for (std::size_t i = 0; i < then.count; ++i) {
-    const Index node = model.organ.node_of_row[at(then.rows[i])];
-    const bool about =
-        w.u_number[at(node)] != state.loads.number && w.u_about_number[at(node)] == state.loads.number;
-    both += then.forces[i].dot(about ? w.u_about[at(node)] : displacement(model, state, node));
-  }
+  for (std::size_t i = 0; i < then.count; ++i)
+    both += then.forces[i].dot(displacement_about(model, state, model.organ.node_of_row[at(then.rows[i])]));
   return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
 }
 
@@ -265,10 +282,15 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   const PlacedShape& shape = w.shapes[instrument];
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
-    if (w.u_number[at(node)] != state.loads.number && w.u_about_number[at(node)] == state.loads.number &&
-        w.sweeps[instrument].reach == 0 &&
-        shape.distance(model.organ.contact_points[at(node)] + w.u_about[at(node)]) > reach + w.tolerance)
-      continue;
+    if (w.u_number[at(node)] != state.loads.number && w.sweeps[instrument].reach == 0) {
+      const auto is_far = [&](const Vec3& about, double slack) {
+        return !shape.may_be_nearer(model.organ.contact_points[at(node)] + about,
+                                    reach + w.tolerance + slack);
+      };
+      const double slack =
+          static_cast<double>(w.softness[at(node)]) * (w.travelled - w.travelled_then[at(node)]);
+      if (is_far(w.u_known[at(node)], slack) || is_far(displacement_about(model, state, node), 0)) continue;
+    }
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
     double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;
@@ -357,7 +379,6 @@ void detect(const Model& model, State& state, const Surface& surface) {
     find_faces(model, state, surface, i, drifted);
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
     hold(model, state, For::loads);
-    displace_near(model, state);
     near_now(model, state, i, w.candidates, w.reach, [&](Index node, double, const Vec3& u) {
       if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });

@@ -17,7 +17,7 @@ void gaussian(const Model& model, State& state) {
   loads.u_known = false;
   ++loads.number;
   state.contacts.clear();
-  std::fill(w.loaded.begin(), w.loaded.end(), Index{-1});  // place of each node among the loads
+  std::fill(w.loaded.slots.begin(), w.loaded.slots.end(), Index{-1});  // place of each node among the loads
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     const PlacedShape& shape = w.shapes[i];
     const Vec3 centre = shape.to_organ.translation, direction = shape.to_organ.rotation * Vec3(0, 0, -1);
@@ -31,7 +31,7 @@ void gaussian(const Model& model, State& state) {
       const double share = sum > 0 ? weight(node) / sum : 0;
       if (share == 0) continue;
       const Vec3 force = share * model.settings.gaussian_force * direction;
-      Index& place = w.loaded[at(node)];
+      Index& place = w.loaded.slots[at(node)];
       if (place < 0) {
         place = static_cast<Index>(loads.count++);
         loads.rows[at(place)] = organ.row_of[at(node)], loads.forces[at(place)].setZero();

@@ -41,7 +41,9 @@ State make_state(const Model& model) {
   w.shapes.reserve(instruments);
   w.sweeps.resize(instruments);
   w.before = Loads(s);
-  w.before_slots.resize(s);
+  w.earlier = Loads(s), w.earlier.u_known = false;
+  w.earlier_of.assign(organ.compliance.nodes(), -1);
+  w.start_force.resize(capacity), w.start_u.resize(capacity);
   state.placed.reserve(instruments);
   w.points.reserve(capacity);
   w.point_of.assign(s * instruments, -1);
@@ -55,12 +57,12 @@ State make_state(const Model& model) {
   w.near_faces.resize(w.faces.empty() ? 0 : instruments);
   for (std::vector<Index>& faces : w.near_faces) faces.reserve(organ.surface.triangles.size());
   w.face_number.assign(w.faces.faces.size(), 0);
-  w.watched.reserve(s);
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
-  w.u_about.assign(s, Vec3::Zero());
-  w.u_about_number.assign(s, 0);
-  w.loaded.resize(s);
+  w.u_known.assign(s, Vec3::Zero());
+  w.travelled_then.assign(s, 0);
+  for (StepScratch::Spread* spread : {&w.loaded, &w.loaded_before})
+    spread->slots.resize(s), spread->planes.resize(3 * w.block.most_plane());
   w.size = bounding_box(organ.surface.vertices).diagonal();
   w.tolerance = model.settings.tolerance * w.size;
   double area = 0;
@@ -106,7 +108,7 @@ void take_loads(const Model& model, State& state) {
     return i;
   };
   for (const ContactPoint& c : w.points) {
-    if (c.triangle < 0) w.u[at(c.node)] = c.u, w.u_number[at(c.node)] = loads.number;
+    if (c.triangle < 0) found_displacement(w, c.node, c.u, loads.number);
     if (c.force == Vec3::Zero()) continue;
     if (c.triangle < 0) {
       loads.u[add(c.row, c.force, w.places == 0 && is_first(model, w, c))] = c.u;
@@ -119,42 +121,52 @@ void take_loads(const Model& model, State& state) {
     }
   }
   loads.u_known = true;
-  for (std::size_t i = 0; i < loads.count; ++i) w.loaded[i] = w.block.slot_of(loads.rows[i]);
-  if (model.settings.mode != Mode::unilateral || w.points.empty()) return;
-  std::span<const double> u = w.solver.displacements();  // what is near, the solver has placed too
-  const auto place = [&](Index node) {
-    if (const Index slot = w.block.slot_of(model.organ.row_of[at(node)]); slot >= 0)
-      found_displacement(w, node, slot, w.block.in_planes(u, slot), loads.number);
-  };
-  if (w.places > 0) {  // by the nodes' forces, as later ticks will do it
-    w.block.displacements({w.loaded.data(), loads.count}, {loads.forces.data(), loads.count}, w.placed_u);
-    u = w.placed_u;
-    for (std::size_t i = 0; i < loads.count; ++i) loads.u[i] = w.block.in_planes(u, w.loaded[i]);
-    for (const ContactPoint& c : w.points) place(c.node);
+  spread(w, loads, w.loaded);
+  if (w.places == 0) return;
+  for (std::size_t i = 0; i < loads.count; ++i) {  // by the nodes' forces, as later ticks will do it
+    const Index node = model.organ.node_of_row[at(loads.rows[i])];
+    w.u_number[at(node)] = 0;
+    loads.u[i] = displacement(model, state, node);
   }
-  for (const Index node : w.near) place(node);
+}
+
+// How far the tick's forces have come from those it began with adds to what any node may have moved.
+void travel(State& state) {
+  StepScratch& w = *state.scratch;
+  double energy = 0, work = 0;
+  for (std::size_t i = 0; i < w.points.size(); ++i) {
+    const ContactPoint& c = w.points[i];
+    energy += (c.force - w.start_force[i]).dot(c.u - w.start_u[i]);
+    work += std::abs(c.force.dot(c.u));
+  }
+  w.travelled += std::sqrt(std::max(0.0, energy) + hidden * work);
 }
 
 // Solves until the forces swallow no other node, and no instrument reaches into a triangle between nodes.
 void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
-  SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
+  SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations, false, true};
   SolveResult result;
   w.round = 0;
   if (w.places > 0) add_places(model, state, surface, true);  // where instruments went on
   for (; w.round < 10; ++w.round) {
     face_places(model, state);
     hold(model, state, For::points);
+    for (std::size_t i = 0; i < w.points.size(); ++i) {
+      w.start_force[i] = w.points[i].force, w.start_u[i] = w.points[i].u;
+      w.points[i].foreseen.setZero();
+    }
+    limits.exact = state.loads.number % exact_every == 0 || model.settings.mode != Mode::unilateral;
+    limits.predicted = w.round == 0 && model.settings.mode == Mode::unilateral && predict(model, state);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
                    ? w.solver.prescribed(w.block, w.shapes, w.points, limits)
-               : model.settings.friction > 0
-                   ? w.solver.coulomb(w.block, w.shapes, w.points, model.settings.friction, limits)
-                   : w.solver.unilateral(w.block, w.shapes, w.points, limits);
+                   : w.solver.solve(w.block, w.shapes, w.points, model.settings.friction, limits);
     else
       result.converged = true;
     state.relinearisations += result.relinearisations;
     limits.max_relinearisations -= result.relinearisations;
+    travel(state);
     take_loads(model, state);
     drop_idle_places(model, state);
     if (!add_swallowed(model, state, surface) && !add_places(model, state, surface) &&

@@ -10,7 +10,12 @@
 namespace palpate {
 
 // Nodes that are near, but no contact points: so many the contact block has a place for.
-constexpr std::size_t most_watched = 512;
+constexpr std::size_t most_watched = 256;
+
+// Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
+constexpr double hidden = 1e-6;
+// Loads after which displacements are summed up from all forces again, rather than from what changed.
+constexpr std::uint64_t exact_every = 16;
 
 inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
@@ -20,6 +25,10 @@ struct Sweep {
   bool known = false;  // otherwise it was put where it is
   double way = 0;      // m, the largest of a corner of its box
   double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
+  std::array<Vec3, 8> corners;  // where those of its box are, organ frame, m
+  std::array<Vec3, 8> ways;     // and how each came there from where it was
+
+  Sweep() noexcept { corners.fill(Vec3::Zero()), ways.fill(Vec3::Zero()); }
 };
 
 struct StepScratch {
@@ -27,10 +36,9 @@ struct StepScratch {
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
               compliance.nodes(), std::min(most_places, most / 3)),
-        solver(most, block.capacity(), block.plane()),
+        solver(most, block.capacity(), block.most_plane()),
         deformer(model.organ),
         capacity(most),
-        placed_u(3 * block.plane()),
         compliance_rows(9 * most),
         faces(model.organ, model.instruments) {}
 
@@ -46,24 +54,34 @@ struct StepScratch {
   std::size_t capacity;
   Clusters anchored;  // nodes that cannot move
   ClusterBounds rest_bounds, anchored_bounds;
-  std::vector<PlacedShape> shapes;      // instruments in the organ's frame
-  std::vector<Sweep> sweeps;            // how each came there
-  Loads before;                         // of the last tick
-  std::vector<Index> before_slots;      // of its rows
+  std::vector<PlacedShape> shapes;         // instruments in the organ's frame
+  std::vector<Sweep> sweeps;               // how each came there
+  Loads before;                            // of the last tick
+  Loads earlier;                           // of the one before
+  std::vector<Index> earlier_of;           // of each row of the compliance: which of them it is, -1: none
+  std::vector<Vec3> start_force, start_u;  // of each point before the solver, N, m
+  double ahead = 0;  // the instruments' motion in this tick as a share of that in the last; 0: not known
   std::vector<ContactPoint> points;     // may touch in this tick
   std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
   std::vector<std::uint8_t> grasped;    // of each node: among the points, in a grip
   std::vector<Index> candidates;        // nodes that may be near an instrument
   std::vector<Index> near;              // all of this tick, each once
   std::vector<std::uint8_t> is_near;    // of each node: among `near`
-  std::vector<Index> wanted, watched;   // rows for the contact block
+  std::vector<Index> wanted;            // rows for the contact block
   std::vector<Vec3> u;                  // of each node, m; right under the loads of the same number:
   std::vector<std::uint64_t> u_number;  // of each node
-  // The same to rounding only, of nodes whose rows came from another side (Compliance::mirrors_bits): enough
-  // to tell that they are far.
-  std::vector<Vec3> u_about;
-  std::vector<std::uint64_t> u_about_number;
-  std::vector<Index> loaded;           // slots of state.loads
+  // Where each node was last known to be, m, and `travelled` then, which no node has moved farther since than
+  // its softness allows: most that are near need not be placed in a tick.
+  std::vector<Vec3> u_known;
+  std::vector<double> travelled_then;
+  double travelled = 0;  // sum of sqrt(df.C df) over all changes of the loads, sqrt J
+  // Loads as the block takes them.
+  struct Spread {
+    std::vector<Index> slots;
+    std::vector<float> planes;
+    bool loadable = false;  // all of them
+  };
+  Spread loaded, loaded_before;        // state.loads, before
   std::vector<double> placed_u;        // of each slot, in planes
   std::vector<float> compliance_rows;  // of a node without a slot
   std::vector<float> softness;         // of each node: Clusters::softness
@@ -89,19 +107,22 @@ inline Pose normalized(Pose p) {
 // Puts the instruments where the input says, and remembers how they came there.
 void place(const Model& model, State& state, const Input& input);
 // Gives slots in the contact block to the loads (while nodes are looked for) or to the points (when these are
-// solved for), and to what is near while there is room.
+// solved for).
 enum class For { loads, points };
 void hold(const Model& model, State& state, For what);
+void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread);
 void forget_near(StepScratch& w);
 void add_near(StepScratch& w, Index node);
 // Whether there is room for so many more points; a place counts as three.
 bool has_room(const StepScratch& w, std::size_t more);
-// Of a node that can move, in float64, m: under state.loads, which have slots, and under the last tick's.
-// Their bits do not depend on what is watched.
+// Of a node that can move, m: under state.loads, which have slots; under the last tick's. Their bits do not
+// depend on what is watched.
 const Vec3& displacement(const Model& model, State& state, Index node);
 Vec3 displacement_before(const Model& model, State& state, Index node);
-// The block has found it for a node with a slot.
-void found_displacement(StepScratch& w, Index node, Index slot, const Vec3& u, std::uint64_t number);
+// Under state.loads to rounding: enough to tell that a node is far.
+Vec3 displacement_about(const Model& model, State& state, Index node);
+// All of the node's records.
+void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number);
 // sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
 double drift(const Model& model, State& state, const Surface& surface);
 // Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
@@ -110,6 +131,8 @@ bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrume
               double near, double drifted);
 // Whether no other point of the same node comes before this one.
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c);
+// Whether no other instrument has a point of the same node.
+bool is_alone(const Model& model, const StepScratch& w, const ContactPoint& c);
 // The nodes with a force in the last tick, and all nodes near an instrument where the surface is now.
 void detect(const Model& model, State& state, const Surface& surface);
 // Prescribed law: the nodes inside at rest, as in the thesis. A node belongs to the first instrument it is
@@ -138,6 +161,11 @@ void drop_idle_places(const Model& model, State& state);
 // Where instruments now reach into triangles the deepest points become points. True when there were any.
 // early: before the tick's first solve, which will move what lies on the instrument.
 bool add_places(const Model& model, State& state, const Surface& surface, bool early = false);
+
+// predict.cpp
+
+// What the last two ticks lead the points' forces to. False: nothing is known.
+bool predict(const Model& model, State& state);
 
 // grip.cpp
 

@@ -31,7 +31,11 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable) {
   for (int tick = 0; tick < 500; ++tick) {
     const std::size_t among = tick % 2 ? rows : 15;
     const std::vector<Index> wanted = some(capacity, among), watched = some(2 * watchable, among);
-    block.require(c, wanted, watched);
+    block.require(c, wanted);
+    for (const Index row : watched)
+      if (block.slot_of(row) < 0) {
+        ASSERT_FALSE(block.is_loadable(block.watch(c, row)));
+      }
     ASSERT_LE(block.used(), capacity);
     std::vector<Index> loaded;
     std::vector<Vec3> forces;
@@ -45,6 +49,9 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable) {
     }
     std::vector<double> u(3 * block.plane());
     block.displacements(loaded, forces, u);
+    std::vector<float> planes(3 * block.plane()), product(3 * block.plane());
+    block.spread(loaded, forces, planes);
+    block.add_product(planes, product);
     std::size_t seen = 0;
     for (const std::vector<Index>* rows_of : {&wanted, &watched})
       for (const Index row : *rows_of) {
@@ -56,12 +63,14 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable) {
           for (int a = 0; a < 3; ++a)
             for (int b = 0; b < 3; ++b)
               expected[a] += static_cast<double>(entry(row, wanted[k], a, b)) * forces[k][b];
-        const Vec3 got = block.in_planes<double>(u, slot);
-        ASSERT_LE((got - expected).norm(), 1e-6 * 1e5 * static_cast<double>(capacity));
-        ASSERT_EQ(got, block.displacement(slot, loaded, forces));  // to the bit
+        const double near = 1e-6 * 1e5 * static_cast<double>(capacity);
+        ASSERT_LE((block.displacement(slot, planes) - expected).norm(), near);
         std::vector<float> its(9 * wanted.size());
         c.block({&row, 1}, wanted, its, 3 * wanted.size());
-        ASSERT_EQ(got, ContactBlock::displacement(its.data(), forces));
+        ASSERT_LE((ContactBlock::displacement(its.data(), forces) - expected).norm(), near);
+        if (!block.is_loadable(slot)) continue;
+        ASSERT_LE((block.in_planes<double>(u, slot) - expected).norm(), near);
+        ASSERT_LE((block.in_planes<float>(product, slot) - expected).norm(), near);
       }
     ASSERT_GE(seen, wanted.size() + std::min(watched.size(), watchable) / 2);
   }
@@ -88,8 +97,7 @@ TEST(ContactBlock, CombinesThreeNodes) {
   const Vec3 weights[] = {Vec3(0.2, 0.3, 0.5), Vec3(0.6, 0, 0.4)};
   for (int k = 0; k < 3; ++k) {  // the slots of the nodes, and what was there before, differ
     const std::vector<Index> wanted[] = {{3, 7, 11, 4}, {11, 4, 0, 1, 2, 3, 7}, {4, 3, 5, 11, 7}};
-    const std::vector<Index> watched{15, 16, 17};
-    block.require(c, wanted[k], watched);
+    block.require(c, wanted[k], 2);
     const Index nodes[2][3] = {{3, 7, 11}, {4, -1, 7}};  // the second has an anchored one
     Index slot[2];
     for (int p = 0; p < 2; ++p) {
@@ -120,7 +128,7 @@ TEST(ContactBlock, CombinesThreeNodes) {
       std::vector<double> u(3 * block.plane());
       const Vec3 force(1, 2, -3);
       block.displacements(std::span(&slot[p], 1), std::span(&force, 1), u);
-      for (const Index node : {15, 16, 17, 11})
+      for (const Index node : {3, 7, 11})
         EXPECT_LT((block.in_planes<double>(u, block.slot_of(node)) -
                    expected(p, [&](Index i) { return between(node, i); }) * force)
                       .norm(),

@@ -1,0 +1,134 @@
+#include "palpate/contact/normal_compliance.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/contact/clones.hpp"
+#include "palpate/contact/solver.hpp"
+
+namespace palpate {
+
+namespace {
+
+constexpr std::size_t lanes = 8;
+using Lanes [[gnu::vector_size(32)]] = float;
+using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = float;
+
+// out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in
+// planes ld apart.
+PALPATE_CLONES void along_normals(const float* rows, std::size_t plane, std::size_t slots, const float* w,
+                                  const float* n, std::size_t ld, float* out) noexcept {
+  const float wx = w[0], wy = w[1], wz = w[2];
+  for (std::size_t k = 0; k < slots; k += lanes) {
+    Lanes sum = {};
+    for (std::size_t b = 0; b < 3; ++b) {
+      const float *x = rows + b * plane + k, *y = x + 3 * plane, *z = y + 3 * plane;
+      sum += ((*reinterpret_cast<const LooseLanes*>(x) * wx + *reinterpret_cast<const LooseLanes*>(y) * wy) +
+              *reinterpret_cast<const LooseLanes*>(z) * wz) *
+             *reinterpret_cast<const LooseLanes*>(n + b * ld + k);
+    }
+    *reinterpret_cast<LooseLanes*>(out + k) = sum;
+  }
+}
+
+// Sums of the columns' sizes, none of which any eigenvalue exceeds.
+PALPATE_CLONES void add_sizes(const float* row, std::size_t n, float* __restrict sums, float* own) noexcept {
+  Lanes total = {};
+  std::size_t k = 0;
+  for (; k + lanes <= n; k += lanes) {
+    const Lanes a = *reinterpret_cast<const LooseLanes*>(row + k), size = a < 0.0f ? -a : a;
+    *reinterpret_cast<LooseLanes*>(sums + k) += size;
+    total += size;
+  }
+  float sum =
+      ((total[0] + total[4]) + (total[2] + total[6])) + ((total[1] + total[5]) + (total[3] + total[7]));
+  for (; k < n; ++k) sums[k] += std::abs(row[k]), sum += std::abs(row[k]);
+  *own += sum;
+}
+
+}  // namespace
+
+NormalCompliance::NormalCompliance(std::size_t most_plane, std::size_t points)
+    : ld_(most(most_plane, points)),
+      values_(ld_ * ld_),
+      row_of_(points),
+      slot_(ld_, -1),
+      compliance_row_(ld_, -1),
+      scale_(ld_, 1.0),
+      normal_(ld_, Vec3::Zero()),
+      normals_(3 * ld_),
+      stale_(ld_),
+      taken_(ld_),
+      made_(ld_),
+      sums_(ld_) {
+  std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
+}
+
+// A row for each point: its slot's, or where that is taken (a node of two instruments, or in a grip) one
+// behind those of all slots.
+void NormalCompliance::find_rows(const ContactBlock& block, std::span<const ContactPoint> points,
+                                 double turned) noexcept {
+  const std::size_t slots = block.used();
+  size_ = slots;
+  std::fill_n(taken_.begin(), slots, std::uint8_t{0});
+  for (std::size_t k = 0; k < slots; ++k) {
+    slot_[k] = static_cast<Index>(k);
+    stale_[k] = compliance_row_[k] != block.row_of(slot_[k]) || compliance_row_[k] < 0;
+  }
+  const auto place = [&](std::size_t k, const ContactPoint& c) {
+    if (!stale_[k] && (normal_[k] - c.normal).squaredNorm() <= turned * turned) return;
+    stale_[k] = 1;
+    const double own = c.normal.dot(block.between(c.slot, c.slot) * c.normal);
+    normal_[k] = c.normal, scale_[k] = own > 0 ? 1 / std::sqrt(own) : 1;
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    auto k = static_cast<std::size_t>(points[i].slot);
+    if (std::exchange(taken_[k], std::uint8_t{1})) {
+      k = size_++;
+      slot_[k] = points[i].slot, stale_[k] = 1;
+    }
+    row_of_[i] = static_cast<Index>(k);
+    place(k, points[i]);
+  }
+  for (std::size_t k = 0; k < slots; ++k)
+    if (stale_[k] && !taken_[k]) normal_[k].setZero(), scale_[k] = 1;
+  for (std::size_t k = 0; k < size_; ++k) {
+    if (stale_[k]) compliance_row_[k] = k < slots ? block.row_of(slot_[k]) : -1;
+    if (stale_[k])
+      for (std::size_t b = 0; b < 3; ++b)
+        normals_[b * ld_ + k] = static_cast<float>(scale_[k] * normal_[k][static_cast<int>(b)]);
+  }
+  for (std::size_t k = size_; k < std::min(size_ + lanes, ld_); ++k)
+    for (std::size_t b = 0; b < 3; ++b) normals_[b * ld_ + k] = 0;
+}
+
+// whole: with its part of later rows.
+void NormalCompliance::make_row(const ContactBlock& block, std::size_t k, bool whole) noexcept {
+  const std::size_t slots = std::min(block.used(), size_);
+  const float w[3] = {normals_[k], normals_[ld_ + k], normals_[2 * ld_ + k]};
+  along_normals(block.row(slot_[k], 0), block.plane(), whole ? slots : std::min(k, slots), w, normals_.data(),
+                ld_, made_.data());
+  for (std::size_t j = slots; j < size_; ++j) {
+    const Mat3 c = block.between(slot_[k], slot_[j]);
+    made_[j] = static_cast<float>(scale_[k] * scale_[j] * normal_[k].dot(c * normal_[j]));
+  }
+  std::copy_n(made_.data(), k, values_.data() + k * ld_);
+  values_[k * ld_ + k] = 1;
+  for (std::size_t j = k + 1; whole && j < size_; ++j) values_[j * ld_ + k] = made_[j];
+}
+
+void NormalCompliance::update(const ContactBlock& block, std::span<const ContactPoint> points,
+                              double turned) noexcept {
+  find_rows(block, points, turned);
+  const auto stale = static_cast<std::size_t>(
+      std::count(stale_.begin(), stale_.begin() + static_cast<std::ptrdiff_t>(size_), 1));
+  const bool all = 2 * stale > size_;
+  for (std::size_t k = 0; k < size_; ++k)
+    if (all || stale_[k]) make_row(block, k, !all);
+  std::fill_n(sums_.begin(), size_, 1.0f);
+  for (std::size_t k = 0; k < size_; ++k) add_sizes(values_.data() + k * ld_, k, sums_.data(), &sums_[k]);
+  norm_ =
+      size_ > 0 ? *std::max_element(sums_.begin(), sums_.begin() + static_cast<std::ptrdiff_t>(size_)) : 0;
+}
+
+}  // namespace palpate

@@ -1,0 +1,58 @@
+// N^T C N, the compliance of the points along their normals, scaled to a diagonal of 1. It is kept from tick
+// to tick: only rows of new points, and of those whose normal has turned, are made anew.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "palpate/contact/contact_block.hpp"
+
+namespace palpate {
+
+struct ContactPoint;
+
+class NormalCompliance {
+ public:
+  // For points on the slots of such blocks, at most `points` of them. Nothing is allocated after
+  // construction.
+  NormalCompliance(std::size_t most_plane, std::size_t points);
+
+  // For these points, whose slots are the block's. Rows stay where the normal has turned by less than
+  // `turned` (rad): they are then off by as much.
+  void update(const ContactBlock& block, std::span<const ContactPoint> points, double turned) noexcept;
+
+  // Rows there are: of each slot one, whether a point is there or not, and of further points of a slot.
+  std::size_t size() const noexcept { return size_; }
+  static std::size_t most(std::size_t most_plane, std::size_t points) noexcept {
+    return (most_plane + 2 * points / 3 + 15) / 16 * 16;  // a grasped node is three points
+  }
+  std::size_t row_of(std::size_t point) const noexcept { return static_cast<std::size_t>(row_of_[point]); }
+  // Of a point: the square root of its own stiffness, sqrt(N / m).
+  double scale(std::size_t point) const noexcept { return scale_[row_of(point)]; }
+  float between(std::size_t p, std::size_t q) const noexcept {
+    const std::size_t i = std::max(row_of(p), row_of(q)), j = std::min(row_of(p), row_of(q));
+    return values_[i * ld_ + j];
+  }
+  // Lower triangle by rows, `ld` apart, and no less than the largest eigenvalue.
+  const float* values() const noexcept { return values_.data(); }
+  std::size_t ld() const noexcept { return ld_; }
+  float norm() const noexcept { return norm_; }
+
+ private:
+  void find_rows(const ContactBlock& block, std::span<const ContactPoint> points, double turned) noexcept;
+  void make_row(const ContactBlock& block, std::size_t row, bool whole) noexcept;
+
+  std::size_t ld_, size_ = 0;
+  HugeArray<float> values_;
+  float norm_ = 0;
+  std::vector<Index> row_of_;                // of each point
+  std::vector<Index> slot_;                  // of each row
+  std::vector<Index> compliance_row_;        // that the slot had when the row was made
+  std::vector<double> scale_;                // of each row
+  std::vector<Vec3> normal_;                 // that the row was made with; zero: no point
+  std::vector<float> normals_;               // scaled, in planes ld_ apart
+  std::vector<std::uint8_t> stale_, taken_;  // of each row
+  std::vector<float> made_, sums_;
+};
+
+}  // namespace palpate
