@@ -90,9 +90,11 @@ bool has_room(const StepScratch& w, std::size_t more) {
 }
 
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
-  for (Index other = 0; other < c.instrument; ++other)
-    if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0) return false;
-  return &c == &w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
+  const auto own = static_cast<Index>(&c - w.points.data());
+  const std::size_t s = model.organ.surface_size();
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)  // what touched in the last tick comes first
+    if (const Index other = w.point_of[i * s + at(c.node)]; other >= 0 && other < own) return false;
+  return own == w.point_of[at(c.instrument) * s + at(c.node)];
 }
 
 void hold(const Model& model, State& state, For what) {

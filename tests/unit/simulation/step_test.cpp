@@ -57,7 +57,9 @@ void expect_signorini(const Model& model, const State& state, const Input& input
     EXPECT_NEAR(g.distance, c.gap_after, 1e-9);
     total += c.force;
     torque += (x - input.instruments[i].translation).cross(c.force);
-    rows.push_back(model.organ.row_of[static_cast<std::size_t>(c.node)]);
+    const Index row = model.organ.row_of[static_cast<std::size_t>(c.node)];
+    const auto load = static_cast<std::size_t>(std::find(rows.begin(), rows.end(), row) - rows.begin());
+    if (load == rows.size()) rows.push_back(row), forces.resize(forces.size() + 3);  // two may touch it
     const Vec3 f = state.organ.rotation.conjugate() * c.force;
     for (int a = 0; a < 3; ++a) forces.push_back(static_cast<float>(f[a]));
   }
@@ -260,6 +262,35 @@ TEST(Step, TwoInstrumentsAtOnce) {
 }
 
 TEST(Step, BadInputIsAStatusAndLeavesTheStateAlone) {
+// Two balls beside each other press the node in their groove. The second was there first: its contact comes
+// first in the next tick, too.
+TEST(Step, ANodeOfTwoInstrumentsIsOneLoad) {
+  for (const Storage storage : {Storage::dense, Storage::hierarchical}) {
+    Model model = block_model(8, Sphere{0.015});
+    model.organ = block_organ(8, {1, storage, 1e-3, 0});
+    model.instruments.push_back({"other", Sphere{0.015}, {}});
+    State state = make_state(model);
+    Input input = at(Vec3(-0.006, 0, 0.2));
+    input.instruments.push_back({Eigen::Quaterniond::Identity(), Vec3(0.006, 0, 0.109)});
+    step(model, state, input);
+    input.instruments[0].translation.z() = 0.109;
+    for (int k = 0; k < 3; ++k) {
+      step(model, state, input);
+      std::vector<Index> nodes,
+          rows(state.loads.rows.begin(), state.loads.rows.begin() + static_cast<int>(state.loads.count));
+      Vec3 contacts = Vec3::Zero(), loads = Vec3::Zero();
+      for (const Contact& c : state.contacts) contacts += c.force, nodes.push_back(c.node);
+      for (std::size_t i = 0; i < state.loads.count; ++i) loads += state.loads.forces[i];
+      std::sort(nodes.begin(), nodes.end());
+      EXPECT_NE(std::adjacent_find(nodes.begin(), nodes.end()), nodes.end());  // both bear on one
+      std::sort(rows.begin(), rows.end());
+      EXPECT_EQ(std::adjacent_find(rows.begin(), rows.end()), rows.end()) << k;
+      EXPECT_LT((contacts - loads).norm(), 1e-12);
+      expect_signorini(model, state, input);
+    }
+  }
+}
+
   const Model model = block_model(5, Sphere{0.03});
   State state = make_state(model);
   step(model, state, at(Vec3(0, 0, 0.12)));
