@@ -199,8 +199,7 @@ Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
 
 }  // namespace
 
-double drift(const Model& model, State& state, const Surface& surface) {
-  const Loads& then = surface.loads;
+double drift(const Model& model, State& state, const Loads& then) {
   if (then.number == state.loads.number) return 0;
   const double work = state.loads.work(), work_then = then.work();
   double both = 0;
@@ -257,7 +256,10 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
     double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;
-    if (d >= reach && w.sweeps[instrument].reach > 0)
+    // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
+    const Sweep& sweep = w.sweeps[instrument];
+    const double way = sweep.way + static_cast<double>(w.softness[at(node)]) * w.sprung;
+    if (d >= reach && sweep.known && way > 0.5 * shape.finest && shape.may_be_nearer(p, 1.5 * way))
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
   }
@@ -337,6 +339,7 @@ void detect(const Model& model, State& state, const Surface& surface) {
   for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
     add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
+  w.sprung = 0;
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     find_candidates(model, state, surface, i, w.reach, drifted);
     find_faces(model, state, surface, i, drifted);
@@ -373,6 +376,7 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   const double drifted = drift(model, state, surface);
+  w.sprung = state.loads.u_known && w.before.u_known ? drift(model, state, w.before) : 0;
   // Whether what is too far to be looked at again was too far for detect() too.
   const bool all_near =
       model.settings.mode == Mode::unilateral && (drifted - w.drifted_before) * w.softest <= w.reach;

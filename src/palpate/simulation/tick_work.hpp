@@ -72,6 +72,7 @@ struct StepScratch {
   std::vector<std::uint8_t> is_wanted;         // of each node: in hold()
   double softest = 0;                          // the largest of these
   double drifted_before = 0;                   // from the surface to the last tick's loads, sqrt J
+  double sprung = 0;                           // from these to the tick's own so far, sqrt J
   double size = 0, tolerance = 0, reach = 0;   // m
 };
 
@@ -95,8 +96,11 @@ bool has_room(const StepScratch& w, std::size_t more);
 // Of a node that can move, in float64, m: under state.loads, which have slots, and under the last tick's.
 const Vec3& displacement(const Model& model, State& state, Index node);
 Vec3 displacement_before(const Model& model, State& state, Index node);
-// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
-double drift(const Model& model, State& state, const Surface& surface);
+// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of `then`.
+double drift(const Model& model, State& state, const Loads& then);
+inline double drift(const Model& model, State& state, const Surface& surface) {
+  return drift(model, state, surface.loads);
+}
 // Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
 // on its way through this tick.
 bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
