@@ -332,7 +332,10 @@ void detect(const Model& model, State& state, const Surface& surface) {
     ContactPoint* p = c.triangle < 0 ? add_point(model, w, c.node, i, displacement(model, state, c.node),
                                                  path, c.force_in_organ)
                                      : keep_place(model, state, c, path);
-    if (!p) continue;
+    if (!p) {
+      state.status |= too_many_contacts;
+      continue;
+    }
     p->held = model.settings.friction > 0;
     p->reference = w.shapes[i].to_organ * c.touched - p->rest;
   }

@@ -306,6 +306,21 @@ TEST_P(Grip, WhatHasNoRoomIsLeftOut) {
   EXPECT_FALSE(state.grasps.empty());
 }
 
+// What a caller has it hold leaves no room for the contacts that bore a force.
+TEST_P(Grip, AContactWithoutRoomIsNotDroppedInSilence) {
+  model.settings.max_contacts = 100;
+  state = make_state(model);
+  for (int k = 0; k <= 10; ++k) go(with_grip(Vec3(0.002, 0.001, touching - 8e-4 * k), open));
+  ASSERT_GT(state.contacts.size(), 3u);
+  for (const Index node : model.organ.node_of_row) {
+    const Vec3 place = contact_point(model, state, node) - lifted(0);
+    if (place.norm() > 0.05 && state.grasps.size() < 33) state.grasps.push_back({node, 0, place});
+  }
+  ASSERT_EQ(state.grasps.size(), 33u);
+  step(model, state, with_grip(lifted(0.006), closed));  // away from what it pressed on
+  EXPECT_NE(state.status & too_many_contacts, 0u);
+}
+
 TEST_P(Grip, TwoInstrumentsHoldEachNodeOnce) {
   model.instruments.push_back({"other", Sphere{0.03}, {}});
   state = make_state(model);
