@@ -217,7 +217,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
     case Mode::prescribed: {
       Timer timer = wall_timer();
       see_anchored(model, state);
-      let_go(state, input);
+      let_go(model, state, input);
       model.settings.mode == Mode::prescribed ? detect_at_rest(model, state, surface)
                                               : detect(model, state, surface);
       state.times.detect = timer.seconds();

@@ -69,7 +69,7 @@ struct StepScratch {
   std::vector<std::vector<Index>> near_faces;  // of each instrument: triangles it may reach into
   std::vector<std::uint64_t> face_number;      // of each triangle: of the list it is in
   std::uint64_t faces_number = 0;              // of the last list
-  std::vector<std::uint8_t> is_wanted;         // of each node: in hold()
+  std::vector<std::uint8_t> is_wanted;         // of each row: in hold(), let_go()
   double softest = 0;                          // the largest of these
   double drifted_before = 0;                   // from the surface to the last tick's loads, sqrt J
   double sprung = 0;                           // from these to the tick's own so far, sqrt J
@@ -138,8 +138,9 @@ bool add_places(const Model& model, State& state, const Surface& surface, bool e
 
 // grip.cpp
 
-// Before the forces: grips that opened, or whose instrument was put elsewhere, hold nothing any more.
-void let_go(State& state, const Input& input);
+// Before the forces: grips that opened, or whose instrument was put elsewhere, hold nothing any more; nor
+// does one hold what is no node that can move, or is held already.
+void let_go(const Model& model, State& state, const Input& input);
 // After the forces: instruments that grip and hold nothing grasp what they press on.
 void grasp(const Model& model, State& state, const Input& input);
 
