@@ -44,15 +44,27 @@ std::size_t surface_nodes(const Scene& scene) {
   return sum;
 }
 
+double tick_of(const Scene& scene, const SimulateOptions& options) {
+  return options.rate > 0 ? 1 / options.rate : scene.dt;
+}
+
+// How many ticks there will be, in a loop or step by step.
+std::uint64_t ticks_of(const Scene& scene, const SimulateOptions& options, const Recording* replay) {
+  if (replay) return replay->ticks();
+  if (!options.loop) return scene.steps;
+  if (options.ticks) return options.ticks;
+  const std::vector<double>& times = scene.motion.motion.times;
+  return static_cast<std::uint64_t>((times.back() - times.front()) / tick_of(scene, options) + 1e-6) + 1;
+}
+
 // The scene's motion to and fro in real time.
 void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* record,
                  const Recording* replay, const Console& console) {
   LoopSettings settings;
   settings.rate = options.rate, settings.frame_rate = options.frame_rate;
-  const double dt = options.rate > 0 ? 1 / options.rate : scene.dt;
+  const double dt = tick_of(scene, options);
   const double begin = scene.motion.motion.times.front(), length = scene.motion.motion.times.back() - begin;
-  settings.ticks = options.ticks ? options.ticks : static_cast<std::uint64_t>(length / dt) + 1;
-  if (replay) settings.ticks = replay->ticks();
+  settings.ticks = ticks_of(scene, options, replay);
   settings.idle_ticks = std::min<std::uint64_t>(settings.ticks, 10000);
   std::error_code failure;
   std::filesystem::create_directories(options.output, failure);
@@ -137,7 +149,7 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
     scene.steps = replay.ticks();
   }
   if (!options.record.empty())
-    record = Recording(scene.models, options.loop && options.ticks ? options.ticks : scene.steps + 1);
+    record = Recording(scene.models, ticks_of(scene, options, options.replay.empty() ? nullptr : &replay));
   const auto finish = [&] {
     if (!options.record.empty())
       record.write(options.record, "palpate simulate " + options.scene.filename().string());

@@ -50,6 +50,26 @@ TEST_F(LoopOfProgram, WhatAHandDidIsReplayedWithoutIt) {
   }
 }
 
+// Ticks that are shorter than the scene's steps, or longer: all are recorded.
+TEST_F(LoopOfProgram, TheWholeMotionIsRecordedAtAnyRate) {
+  folder.write("short.csv", "time,ball.z\n0.1,0.05\n0.3,0.046\n");
+  for (const auto& [dt, rate, ticks] :
+       {std::tuple{"1 ms", 2000, 401}, {"10 ms", 1000, 201}, {"0.1 ms", 1000, 201}}) {
+    folder.write(
+        "scene.toml",
+        fmt::format("[organ]\nmodel = \"{0}block.h5\"\n[[instrument]]\nname = \"ball\"\nsphere = 0.02\n"
+                    "[motion]\ndt = \"{1}\"\nfile = \"short.csv\"\n",
+                    folder_of_scene, dt));
+    const std::string scene =
+        fmt::format("simulate {} --no-pictures --every 0 -o {}", in("scene.toml"), in("run"));
+    const Ran run = run_palpate(fmt::format("{} --loop --rate {} --record {}", scene, rate, in("all.h5")));
+    ASSERT_EQ(run.exit_code, 0) << run.output;
+    const Ran again = run_palpate(fmt::format("{} --loop --rate 0 --replay {}", scene, in("all.h5")));
+    EXPECT_EQ(again.exit_code, 0) << again.output;
+    EXPECT_NE(again.output.find(fmt::format("replayed: {} ticks", ticks)), std::string::npos) << again.output;
+  }
+}
+
 // In real time, by a hand, and again step by step.
 TEST_F(LoopOfProgram, AHandBetweenTwoKidneys) {
   const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
