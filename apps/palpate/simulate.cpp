@@ -57,6 +57,18 @@ std::uint64_t ticks_of(const Scene& scene, const SimulateOptions& options, const
   return static_cast<std::uint64_t>((times.back() - times.front()) / tick_of(scene, options) + 1e-6) + 1;
 }
 
+Hand open_hand(const Scene& scene, const SimulateOptions& options) {
+  Hand hand;
+  hand.device = open_device(options.device);
+  if (!options.device_at.empty())
+    hand.at = Vec3(options.device_at[0], options.device_at[1], options.device_at[2]);
+  std::vector<Input> first = make_inputs(scene.models);  // until the device is heard of
+  set_inputs(scene.motion, scene.motion.motion.times.front(), first);
+  hand.coupling.instrument =
+      scene.motion.moved[0] ? first[0].instruments[0] : clear_of(scene.models, first, 0);
+  return hand;
+}
+
 // The scene's motion to and fro in real time.
 void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* record,
                  const Recording* replay, const Console& console) {
@@ -76,9 +88,7 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   if (!options.device.empty()) {
     if (options.rate == 0 || replay)
       throw Error(ErrorKind::usage, "--device {}: not with --replay or --rate 0", options.device);
-    hand.device = open_device(options.device);
-    if (!options.device_at.empty())
-      hand.at = Vec3(options.device_at[0], options.device_at[1], options.device_at[2]);
+    hand = open_hand(scene, options);
   }
   {
     const Progress progress = console.progress("loop");

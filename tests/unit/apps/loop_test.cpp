@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/io/atomic_file.hpp"
+#include "palpate/simulation/recording.hpp"
 #include "run.hpp"
 #include "unit/io/io_test.hpp"
 
@@ -67,6 +68,38 @@ TEST_F(LoopOfProgram, TheWholeMotionIsRecordedAtAnyRate) {
     const Ran again = run_palpate(fmt::format("{} --loop --rate 0 --replay {}", scene, in("all.h5")));
     EXPECT_EQ(again.exit_code, 0) << again.output;
     EXPECT_NE(again.output.find(fmt::format("replayed: {} ticks", ticks)), std::string::npos) << again.output;
+  }
+}
+
+// No service, no device: its instrument waits where the motion begins; one the motion knows nothing of waits
+// where it touches nothing.
+TEST_F(LoopOfProgram, UntilTheDeviceIsThereTheInstrumentWaits) {
+  for (const char* motion : {"time,tool.x,tool.y,tool.z\n0,0.1,0,0.2\n0.2,0,0,0\n", "time\n0\n0.2\n"}) {
+    folder.write("wait.csv", motion);
+    folder.write("scene.toml",
+                 fmt::format("[organ]\nmodel = \"{}block.h5\"\n[[instrument]]\nname = \"tool\"\n"
+                             "sphere = 0.02\n[motion]\nfile = \"wait.csv\"\n",
+                             folder_of_scene));
+    const Ran run = run_palpate(
+        fmt::format("simulate {} --loop --rate 2000 --device haply:ws://localhost:1 -o {} --record {}",
+                    in("scene.toml"), in("run"), in("wait.h5")));
+    ASSERT_EQ(run.exit_code, 0) << run.output;
+    const json summary = json::parse(read_file(folder / "run/summary.json"));
+    EXPECT_EQ(summary["loop"]["contacts_max"], 0);
+    EXPECT_EQ(summary["device"]["ticks_connected"], 0);
+    EXPECT_EQ(summary["device"]["peak_force_N"], 0);
+    const Recording record = Recording::read(folder / "wait.h5");
+    std::vector<Input> inputs(1);
+    inputs[0].instruments.resize(1);
+    for (const std::uint64_t k : {std::uint64_t{0}, record.ticks() - 1}) {
+      record.set_inputs(k, inputs);
+      const Vec3& p = inputs[0].instruments[0].translation;
+      if (std::string_view(motion).starts_with("time,")) {
+        EXPECT_EQ(p, Vec3(0.1, 0, 0.2));
+      } else {
+        EXPECT_GT(p.norm(), 0.05);
+      }
+    }
   }
 }
 
