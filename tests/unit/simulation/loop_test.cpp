@@ -7,6 +7,7 @@
 
 #include "fixtures.hpp"
 #include "palpate/base/error.hpp"
+#include "support/refuse_threads.hpp"
 
 namespace palpate {
 namespace {
@@ -89,8 +90,31 @@ TEST(Loop, RefusesWhatItCannotDo) {
     settings.rate = rate;
     EXPECT_THROW(run_loop(model, state, settings, hooks), Error) << rate;
   }
+  EXPECT_THROW(run_loop(model, state, {}, {}), Error);  // no input()
+  EXPECT_THROW(run_loop(std::span(&model, 1), std::span(&state, 1), {}, OrgansHooks{}), Error);
   model.settings.mode = Mode::imprint;
   EXPECT_THROW(run_loop(model, state, {}, hooks), Error);
+}
+
+// The system gives one thread, but not the other: an error, and nothing hangs.
+TEST(Loop, SaysThatThereAreNoThreads) {
+  if (!PALPATE_REFUSES_THREADS) GTEST_SKIP() << "the sanitizers have their own threads";
+  const Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t, const State&, Input&) { return false; };
+  for (const int given : {0, 1}) {
+    threads_left = given;
+    try {
+      run_loop(model, state, {}, hooks);
+      ADD_FAILURE() << given;
+    } catch (const Error& e) {
+      EXPECT_EQ(e.kind(), ErrorKind::resource) << e.what();
+    }
+    EXPECT_EQ(threads_left, 0);
+    threads_left = -1;
+  }
+  EXPECT_EQ(run_loop(model, state, {}, hooks).ticks.wall.count(), 0u);
 }
 
 }  // namespace
