@@ -31,7 +31,18 @@ TEST_F(LoopOfProgram, PrintsPercentilesAndLeavesASummary) {
   for (const char* part : {"p99.9", "tick, CPU time", "empty tick", "of 3000"})
     EXPECT_NE(run.output.find(part), std::string::npos) << run.output;
   const json summary = json::parse(read_file(folder / "run/summary.json"));
-  EXPECT_EQ(summary["loop"]["tick_cpu"]["count"], 3000);
+  EXPECT_EQ(summary.at("rate_hz"), 2000);
+  for (const auto& [part, count] : {std::pair{"tick_cpu", 3000},
+                                    {"tick_wall", 3000},
+                                    {"empty_tick_cpu", 3000},
+                                    {"empty_tick_wall", 3000}}) {
+    const json& times = summary.at("loop").at(part);
+    EXPECT_EQ(times.at("count"), count);
+    for (const auto& [less, more] :
+         {std::pair{"p50_ms", "p99_ms"}, {"p99_ms", "p99.9_ms"}, {"p99.9_ms", "worst_ms"}})
+      EXPECT_LE(times.at(less).get<double>(), times.at(more).get<double>()) << part;
+  }
+  for (const char* key : {"missed", "empty_missed"}) EXPECT_TRUE(summary["loop"].at(key).is_number()) << key;
   EXPECT_GE(summary["loop"]["seconds"].get<double>(), 1.49);
   EXPECT_GT(summary["loop"]["contacts_max"].get<int>(), 4);
   EXPECT_GT(summary["loop"]["frames"].get<int>(), 0);
