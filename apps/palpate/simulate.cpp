@@ -44,15 +44,39 @@ std::size_t surface_nodes(const Scene& scene) {
   return sum;
 }
 
+double tick_of(const Scene& scene, const SimulateOptions& options) {
+  return options.rate > 0 ? 1 / options.rate : scene.dt;
+}
+
+// How many ticks there will be, in a loop or step by step.
+std::uint64_t ticks_of(const Scene& scene, const SimulateOptions& options, const Recording* replay) {
+  if (replay) return replay->ticks();
+  if (!options.loop) return scene.steps;
+  if (options.ticks) return options.ticks;
+  const std::vector<double>& times = scene.motion.motion.times;
+  return static_cast<std::uint64_t>((times.back() - times.front()) / tick_of(scene, options) + 1e-6) + 1;
+}
+
+Hand open_hand(const Scene& scene, const SimulateOptions& options) {
+  Hand hand;
+  hand.device = open_device(options.device);
+  if (!options.device_at.empty())
+    hand.at = Vec3(options.device_at[0], options.device_at[1], options.device_at[2]);
+  std::vector<Input> first = make_inputs(scene.models);  // until the device is heard of
+  set_inputs(scene.motion, scene.motion.motion.times.front(), first);
+  hand.coupling.instrument =
+      scene.motion.moved[0] ? first[0].instruments[0] : clear_of(scene.models, first, 0);
+  return hand;
+}
+
 // The scene's motion to and fro in real time.
 void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* record,
                  const Recording* replay, const Console& console) {
   LoopSettings settings;
   settings.rate = options.rate, settings.frame_rate = options.frame_rate;
-  const double dt = options.rate > 0 ? 1 / options.rate : scene.dt;
+  const double dt = tick_of(scene, options);
   const double begin = scene.motion.motion.times.front(), length = scene.motion.motion.times.back() - begin;
-  settings.ticks = options.ticks ? options.ticks : static_cast<std::uint64_t>(length / dt) + 1;
-  if (replay) settings.ticks = replay->ticks();
+  settings.ticks = ticks_of(scene, options, replay);
   settings.idle_ticks = std::min<std::uint64_t>(settings.ticks, 10000);
   std::error_code failure;
   std::filesystem::create_directories(options.output, failure);
@@ -64,9 +88,7 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   if (!options.device.empty()) {
     if (options.rate == 0 || replay)
       throw Error(ErrorKind::usage, "--device {}: not with --replay or --rate 0", options.device);
-    hand.device = open_device(options.device);
-    if (!options.device_at.empty())
-      hand.at = Vec3(options.device_at[0], options.device_at[1], options.device_at[2]);
+    hand = open_hand(scene, options);
   }
   {
     const Progress progress = console.progress("loop");
@@ -137,7 +159,7 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
     scene.steps = replay.ticks();
   }
   if (!options.record.empty())
-    record = Recording(scene.models, options.loop && options.ticks ? options.ticks : scene.steps + 1);
+    record = Recording(scene.models, ticks_of(scene, options, options.replay.empty() ? nullptr : &replay));
   const auto finish = [&] {
     if (!options.record.empty())
       record.write(options.record, "palpate simulate " + options.scene.filename().string());

@@ -90,6 +90,15 @@ bool is_empty(const Shape& shape) noexcept {
   return (whole && !*whole) || (band && !*band);
 }
 
+bool has_size(const Shape& shape) noexcept {
+  const auto above_zero = [](double x) { return x > 0 && std::isfinite(x); };
+  if (const auto* s = std::get_if<Sphere>(&shape)) return above_zero(s->radius);
+  if (const auto* c = std::get_if<Capsule>(&shape))
+    return above_zero(c->radius) && c->half_length >= 0 && std::isfinite(c->half_length);
+  if (const auto* b = std::get_if<Cuboid>(&shape)) return b->half.allFinite() && b->half.minCoeff() > 0;
+  return true;
+}
+
 double distance(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape).distance; }
 
 double distance_bound(const Shape& shape, const Vec3& p) noexcept {

@@ -24,6 +24,9 @@ using Shape = std::variant<Sphere, Capsule, Cuboid, HalfSpace, std::shared_ptr<c
 
 // A lattice that is not there.
 bool is_empty(const Shape& shape) noexcept;
+// Whether a primitive's sizes are finite and above zero (a capsule's half length: not below); of a lattice
+// that is so by construction.
+bool has_size(const Shape& shape) noexcept;
 
 struct Gap {
   double distance = 0;         // signed, m, negative inside

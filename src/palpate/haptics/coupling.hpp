@@ -58,7 +58,8 @@ struct CoupledMotion {
   double secant = 0;           // q: stiffness of the contact
 };
 struct CouplingState {
-  Pose instrument, handle;  // world, of the last tick
+  // World, of the last tick. Before the first good sample the instrument waits where the caller puts it.
+  Pose instrument, handle;
   CoupledMotion translation, rotation;
   double gain = 0;       // of the force, 0 to 1
   bool started = false;  // by the first good sample: the instrument appears where the handle is

@@ -108,9 +108,11 @@ bool has_room(const StepScratch& w, std::size_t more) {
 }
 
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c) {
-  for (Index other = 0; other < c.instrument; ++other)
-    if (w.point_of[at(other) * model.organ.surface_size() + at(c.node)] >= 0) return false;
-  return &c == &w.points[at(w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)])];
+  const auto own = static_cast<Index>(&c - w.points.data());
+  const std::size_t s = model.organ.surface_size();
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)  // what touched in the last tick comes first
+    if (const Index other = w.point_of[i * s + at(c.node)]; other >= 0 && other < own) return false;
+  return own == w.point_of[at(c.instrument) * s + at(c.node)];
 }
 
 bool is_alone(const Model& model, const StepScratch& w, const ContactPoint& c) {
@@ -227,8 +229,7 @@ Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
 
 }  // namespace
 
-double drift(const Model& model, State& state, const Surface& surface) {
-  const Loads& then = surface.loads;
+double drift(const Model& model, State& state, const Loads& then) {
   if (then.number == state.loads.number) return 0;
   const double work = state.loads.work(), work_then = then.work();
   double both = 0;
@@ -280,21 +281,26 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
               double reach, Found&& found) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
+  const Sweep& sweep = w.sweeps[instrument];
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
-    if (w.u_number[at(node)] != state.loads.number && w.sweeps[instrument].reach == 0) {
+    // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
+    const auto softness = static_cast<double>(w.softness[at(node)]);
+    const double way = sweep.way + softness * w.sprung;
+    const bool may_pass = sweep.known && way > 0.5 * shape.finest;
+    if (w.u_number[at(node)] != state.loads.number) {
+      const double within = (may_pass ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
       const auto is_far = [&](const Vec3& about, double slack) {
-        return !shape.may_be_nearer(model.organ.contact_points[at(node)] + about,
-                                    reach + w.tolerance + slack);
+        return !shape.may_be_nearer(model.organ.contact_points[at(node)] + about, within + slack);
       };
-      const double slack =
-          static_cast<double>(w.softness[at(node)]) * (w.travelled - w.travelled_then[at(node)]);
-      if (is_far(w.u_known[at(node)], slack) || is_far(displacement_about(model, state, node), 0)) continue;
+      const double moved = softness * (w.travelled - w.travelled_then[at(node)]);
+      if (is_far(w.u_known[at(node)], moved) || is_far(displacement_about(model, state, node), 0)) continue;
     }
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
     double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;
-    if (d >= reach && w.sweeps[instrument].reach > 0)
+    if (d >= reach && may_pass && shape.may_be_nearer(p, 1.5 * way) &&
+        sweep.way + (u - displacement_before(model, state, node)).norm() > 0.5 * shape.finest)
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
   }
@@ -367,13 +373,17 @@ void detect(const Model& model, State& state, const Surface& surface) {
     ContactPoint* p = c.triangle < 0 ? add_point(model, w, c.node, i, displacement(model, state, c.node),
                                                  path, c.force_in_organ)
                                      : keep_place(model, state, c, path);
-    if (!p) continue;
+    if (!p) {
+      state.status |= too_many_contacts;
+      continue;
+    }
     p->held = model.settings.friction > 0;
     p->reference = w.shapes[i].to_organ * c.touched - p->rest;
   }
   for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
     add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
+  w.sprung = 0;
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     find_candidates(model, state, surface, i, w.reach, drifted);
     find_faces(model, state, surface, i, drifted);
@@ -409,6 +419,7 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   const double drifted = drift(model, state, surface);
+  w.sprung = state.loads.u_known && w.before.u_known ? drift(model, state, w.before) : 0;
   // Whether what is too far to be looked at again was too far for detect() too.
   const bool all_near =
       model.settings.mode == Mode::unilateral && (drifted - w.drifted_before) * w.softest <= w.reach;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <thread>
 
 #include "palpate/base/error.hpp"
@@ -78,6 +79,18 @@ struct Shared {
   std::atomic<bool> over{false};
 };
 
+// Says that the loop is over when it goes.
+class EndOf {
+ public:
+  explicit EndOf(std::atomic<bool>& over) noexcept : over_(over) {}
+  ~EndOf() { over_ = true; }
+  EndOf(const EndOf&) = delete;
+  EndOf& operator=(const EndOf&) = delete;
+
+ private:
+  std::atomic<bool>& over_;
+};
+
 void deform_until_over(std::span<const Model> models, const LoopSettings& settings, const OrgansHooks& hooks,
                        Shared& shared, std::span<Deformer> deformers, LoopReport& report) {
   double due = now();
@@ -138,9 +151,12 @@ void tick_until_over(std::span<const Model> models, std::span<State> states, con
   shared.over = true;
 }
 
+constexpr char no_input[] = "a loop without input(): say what each tick begins with";
+
 }  // namespace
 
 LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks) {
+  if (!hooks.input) throw Error(ErrorKind::usage, no_input);
   OrgansHooks all;
   all.input = [&](std::uint64_t k, std::span<const State> states, std::span<Input> inputs) {
     return hooks.input(k, states[0], inputs[0]);
@@ -158,6 +174,7 @@ LoopReport run_loop(std::span<const Model> models, std::span<State> states, cons
   if (!(settings.rate == 0 || (settings.rate >= 1 && settings.rate <= 4000)))
     throw Error(ErrorKind::usage, "a loop of {} ticks a second; use 1 to 4000, or 0 for as fast as they go",
                 settings.rate);
+  if (!hooks.input) throw Error(ErrorKind::usage, no_input);
   if (!(settings.frame_rate >= 1 && settings.frame_rate <= 1000))
     throw Error(ErrorKind::usage, "{} surfaces a second; use 1 to 1000", settings.frame_rate);
   std::vector<Surface> rest;
@@ -171,9 +188,12 @@ LoopReport run_loop(std::span<const Model> models, std::span<State> states, cons
   Shared shared(rest);
   std::vector<Input> inputs = make_inputs(models);
   LoopReport report;
-  {
+  try {
     std::jthread deformation([&] { deform_until_over(models, settings, hooks, shared, deformers, report); });
-    std::jthread force([&] { tick_until_over(models, states, settings, hooks, shared, inputs, report); });
+    const EndOf end(shared.over);  // also where the other does not start
+    std::jthread([&] { tick_until_over(models, states, settings, hooks, shared, inputs, report); }).join();
+  } catch (const std::system_error& e) {
+    throw Error(ErrorKind::resource, "the loop's two threads do not start: {}", e.what());
   }
   for (std::size_t i = 0; i < models.size(); ++i)
     deformers[i](models[i].organ, states[i].loads, states[i].surface);

@@ -63,7 +63,8 @@ struct LoopReport {
 };
 
 // Blocks until the loop ends. state: from make_state, and left as after the last tick (its surface, too).
-// Throws Error(usage) for a rate out of range or Mode::imprint, whose surface cannot lag behind.
+// Throws Error(usage) for a rate out of range, without input(), or for Mode::imprint, whose surface cannot
+// lag behind; Error(resource) where the system has no two threads to give.
 LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks);
 // Several organs, one after another in each tick. states: from make_states.
 LoopReport run_loop(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,

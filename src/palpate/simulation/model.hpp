@@ -85,7 +85,7 @@ struct Contact {
 // A node that an instrument's grip holds (mode unilateral): it goes with the instrument, however that moves
 // and turns, and no other instrument touches it. An instrument that grips and holds nothing grasps the nodes
 // it presses on, at the end of a tick. It lets go of all when it no longer grips, and when it is put
-// elsewhere (State::placed).
+// elsewhere (State::placed). What cannot be held, or is held already, is let go, too.
 struct Grasp {
   Index node = -1;  // surface node
   Index instrument = -1;

@@ -113,6 +113,9 @@ MotionFile read_motion(const std::filesystem::path& path, const std::vector<std:
                       "instruments .grip, too",
                       path.string(), line_number, header[c], fmt::join(bodies, ", "));
       }
+      for (std::size_t i = 0; i < instruments.size(); ++i)
+        file.moved.push_back(
+            std::any_of(columns[i].begin(), columns[i].end(), [](int column) { return column >= 0; }));
       if (time_column < 0)
         throw Error(ErrorKind::format, "{}:{}: no column 'time'", path.string(), line_number);
       continue;

@@ -29,4 +29,14 @@ std::vector<Input> make_inputs(std::span<const Model> models) {
   return inputs;
 }
 
+Pose clear_of(std::span<const Model> models, std::span<const Input> inputs, std::size_t instrument) noexcept {
+  Box all;
+  for (std::size_t i = 0; i < models.size(); ++i)
+    for (const Vec3& v : models[i].organ.surface.vertices) all.add(inputs[i].organ * v);
+  // Below, as every shape, a half-space too, has a top.
+  const double top = bounding_box(models[0].instruments[instrument].shape).max.z();
+  return {Eigen::Quaterniond::Identity(),
+          Vec3(all.center().x(), all.center().y(), all.min.z() - all.diagonal() - top)};
+}
+
 }  // namespace palpate

@@ -16,6 +16,10 @@ std::vector<State> make_states(std::span<const Model> models);
 // An input an organ, everything at the origin, no grip closed.
 std::vector<Input> make_inputs(std::span<const Model> models);
 
+// A pose for an instrument that is not there yet: far from all organs where the inputs have them, whatever
+// its shape.
+Pose clear_of(std::span<const Model> models, std::span<const Input> inputs, std::size_t instrument) noexcept;
+
 // Puts an instrument to a pose, in the world, for all organs.
 inline void place(std::span<Input> inputs, std::size_t instrument, const Pose& pose) noexcept {
   for (Input& input : inputs) input.instruments[instrument] = pose;

@@ -75,7 +75,10 @@ std::uint64_t state_hash(std::span<const State> states) noexcept {
 }
 
 Recording::Recording(std::span<const Model> models, std::uint64_t ticks)
-    : organs_(models.size()), instruments_(models[0].instruments.size()), organ_(hash_of(models)) {
+    : organs_(models.size()),
+      instruments_(models[0].instruments.size()),
+      organ_(hash_of(models)),
+      room_(ticks) {
   times_.reserve(ticks);
   poses_.reserve(per_pose * bodies() * ticks);
   grips_.reserve(instruments_ * ticks);
@@ -88,9 +91,10 @@ bool Recording::made_with(std::span<const Model> models) const noexcept {
 }
 
 bool Recording::add(std::span<const Input> inputs, std::span<const State> states) noexcept {
-  if (times_.size() == times_.capacity() || inputs.size() != organs_ ||
-      inputs[0].instruments.size() != instruments_)
+  if (times_.size() >= room_ || inputs.size() != organs_ || inputs[0].instruments.size() != instruments_) {
+    ++left_out_;
     return false;
+  }
   times_.push_back(inputs[0].time);
   for (const Input& input : inputs) put(input.organ, poses_);
   for (const Pose& p : inputs[0].instruments) put(p, poses_);
@@ -120,6 +124,12 @@ bool Recording::agrees(std::uint64_t k, std::span<const State> states) const noe
 }
 
 void Recording::write(const std::filesystem::path& path, const std::string& provenance) const {
+  if (left_out_ > 0)
+    throw Error(
+        ErrorKind::usage,
+        "{}: {} of {} ticks are not in the recording, which was made for {} ticks of {} instrument(s); "
+        "make it for all",
+        path.string(), left_out_, left_out_ + ticks(), room_, instruments_);
   const bool gripped = std::find(grips_.begin(), grips_.end(), 1) != grips_.end();
   ContainerWriter out(path, "recording", gripped ? recording_version : organs_ == 1 ? 1 : 2);
   out.attribute("provenance", provenance);

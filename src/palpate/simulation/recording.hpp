@@ -23,7 +23,8 @@ class Recording {
   Recording(std::span<const Model> models, std::uint64_t ticks);
   Recording(const Model& model, std::uint64_t ticks) : Recording(std::span(&model, 1), ticks) {}
 
-  // In the order of the ticks. False where there is no more room: that tick is not recorded.
+  // In the order of the ticks. False where there is no more room, or it is another model's: that tick is not
+  // recorded, and write() will say so.
   bool add(std::span<const Input> inputs, std::span<const State> states) noexcept;
   bool add(const Input& input, const State& state) noexcept {
     return add(std::span(&input, 1), std::span(&state, 1));
@@ -44,7 +45,8 @@ class Recording {
   bool made_with(std::span<const Model> models) const noexcept;
 
   // HDF5, container kind "recording": time, poses (ticks x bodies x 7: position, quaternion w x y z; the
-  // organs first), grips (ticks x instruments; where one was ever closed), hashes.
+  // organs first), grips (ticks x instruments; where one was ever closed), hashes. Error(usage) where ticks
+  // were not recorded: what is cut short would replay as if it were all.
   void write(const std::filesystem::path& path, const std::string& provenance) const;
   static Recording read(const std::filesystem::path& path);  // Error(file | format)
 
@@ -57,9 +59,10 @@ class Recording {
   std::size_t organs_ = 1, instruments_ = 0;
   std::uint64_t organ_ = 0;
   std::vector<double> times_, poses_;
-  std::vector<std::uint8_t> grips_;   // [tick][instrument]
-  std::vector<std::int64_t> hashes_;  // after ticks 999, 1999, ... and the last one
-  std::uint64_t last_ = 0;            // hash after the last tick
+  std::vector<std::uint8_t> grips_;        // [tick][instrument]
+  std::vector<std::int64_t> hashes_;       // after ticks 999, 1999, ... and the last one
+  std::uint64_t last_ = 0;                 // hash after the last tick
+  std::uint64_t room_ = 0, left_out_ = 0;  // ticks
 };
 
 }  // namespace palpate

@@ -284,6 +284,7 @@ Instrument read_instrument(Table t, std::size_t number, int threads, const Progr
            "say surface, lattice, sphere (radius), capsule [radius, half length], cuboid [half sides] or "
            "half_space = true");
   }
+  if (!has_size(out.shape)) t.fail("", "its sizes must be above zero");
   if (out.surface.triangles.empty()) out.surface = surface_of_primitive(out.shape);
   const Box box = bounding_box(out.shape);
   if (!(box.size().minCoeff() > 0)) t.fail("", "its sizes must be above zero");

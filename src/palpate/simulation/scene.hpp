@@ -23,6 +23,7 @@ struct Motion {
 struct MotionFile {
   Motion motion;                          // of the instruments, in the given order
   std::vector<std::vector<Pose>> organs;  // [key][organ]
+  std::vector<std::uint8_t> moved;        // of each instrument: the file has a column of its pose
 };
 MotionFile read_motion(const std::filesystem::path& path, const std::vector<std::string>& instruments,
                        double unit = 1.0, const std::vector<std::string>& organs = {"organ"});

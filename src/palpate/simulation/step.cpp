@@ -11,16 +11,43 @@ namespace palpate {
 
 void DeleteScratch::operator()(StepScratch* scratch) const noexcept { delete scratch; }
 
+namespace {
+
+void require_usable(const Settings& s) {
+  if (s.max_contacts < 1 || s.max_contacts > 5000)
+    throw Error(ErrorKind::usage, "max_contacts is {}; use 1 to 5000", s.max_contacts);
+  if (s.max_relinearisations < 1)
+    throw Error(ErrorKind::usage, "max_relinearisations is {}; use 1 or more", s.max_relinearisations);
+  if (!(s.tolerance > 0 && s.tolerance < 0.1))
+    throw Error(ErrorKind::usage, "tolerance is {}; use more than 0 and less than 0.1 (of the organ's size)",
+                s.tolerance);
+  if (!(s.friction >= 0 && s.friction <= 10))
+    throw Error(ErrorKind::usage, "friction is {}; use 0 to 10", s.friction);
+  if (!(s.gaussian_radius > 0 && std::isfinite(s.gaussian_radius)))
+    throw Error(ErrorKind::usage, "gaussian_radius is {}; use more than 0", s.gaussian_radius);
+  if (!std::isfinite(s.gaussian_force))
+    throw Error(ErrorKind::usage, "gaussian_force is {}; use a number", s.gaussian_force);
+}
+
+void require_usable(const Instrument& instrument) {
+  if (is_empty(instrument.shape))
+    throw Error(ErrorKind::usage, "instrument '{}' has an empty lattice", instrument.name);
+  if (!has_size(instrument.shape))
+    throw Error(ErrorKind::usage, "instrument '{}': its sizes must be above zero", instrument.name);
+  if (!(instrument.tip >= 0 && std::isfinite(instrument.tip)))
+    throw Error(ErrorKind::usage, "instrument '{}': its tip is {}; use 0 or more", instrument.name,
+                instrument.tip);
+}
+
+}  // namespace
+
 State make_state(const Model& model) {
   const Organ& organ = model.organ;
   const std::size_t s = organ.surface_size(), instruments = model.instruments.size();
   if (s == 0 || organ.compliance.nodes() == 0)
     throw Error(ErrorKind::usage, "the model's organ has no surface node that can move");
-  if (model.settings.max_contacts < 1 || model.settings.max_contacts > 5000)
-    throw Error(ErrorKind::usage, "max_contacts is {}; use 1 to 5000", model.settings.max_contacts);
-  for (const Instrument& instrument : model.instruments)
-    if (is_empty(instrument.shape))
-      throw Error(ErrorKind::usage, "instrument '{}' has an empty lattice", instrument.name);
+  require_usable(model.settings);
+  for (const Instrument& instrument : model.instruments) require_usable(instrument);
 
   const auto capacity = std::min<std::size_t>(static_cast<std::size_t>(model.settings.max_contacts),
                                               s * std::max<std::size_t>(instruments, 3));
@@ -231,7 +258,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
     case Mode::prescribed: {
       Timer timer = wall_timer();
       see_anchored(model, state);
-      let_go(state, input);
+      let_go(model, state, input);
       model.settings.mode == Mode::prescribed ? detect_at_rest(model, state, surface)
                                               : detect(model, state, surface);
       state.times.detect = timer.seconds();

@@ -91,9 +91,10 @@ struct StepScratch {
   std::vector<std::vector<Index>> near_faces;  // of each instrument: triangles it may reach into
   std::vector<std::uint64_t> face_number;      // of each triangle: of the list it is in
   std::uint64_t faces_number = 0;              // of the last list
-  std::vector<std::uint8_t> is_wanted;         // of each node: in hold()
+  std::vector<std::uint8_t> is_wanted;         // of each row: in hold(), let_go()
   double softest = 0;                          // the largest of these
   double drifted_before = 0;                   // from the surface to the last tick's loads, sqrt J
+  double sprung = 0;                           // from these to the tick's own so far, sqrt J
   double size = 0, tolerance = 0, reach = 0;   // m
 };
 
@@ -123,8 +124,11 @@ Vec3 displacement_before(const Model& model, State& state, Index node);
 Vec3 displacement_about(const Model& model, State& state, Index node);
 // All of the node's records.
 void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number);
-// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of the surface.
-double drift(const Model& model, State& state, const Surface& surface);
+// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of `then`.
+double drift(const Model& model, State& state, const Loads& then);
+inline double drift(const Model& model, State& state, const Surface& surface) {
+  return drift(model, state, surface.loads);
+}
 // Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
 // on its way through this tick.
 bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
@@ -169,8 +173,9 @@ bool predict(const Model& model, State& state);
 
 // grip.cpp
 
-// Before the forces: grips that opened, or whose instrument was put elsewhere, hold nothing any more.
-void let_go(State& state, const Input& input);
+// Before the forces: grips that opened, or whose instrument was put elsewhere, hold nothing any more; nor
+// does one hold what is no node that can move, or is held already.
+void let_go(const Model& model, State& state, const Input& input);
 // After the forces: instruments that grip and hold nothing grasp what they press on.
 void grasp(const Model& model, State& state, const Input& input);
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/io/atomic_file.hpp"
+#include "palpate/simulation/recording.hpp"
 #include "run.hpp"
 #include "unit/io/io_test.hpp"
 
@@ -30,7 +31,18 @@ TEST_F(LoopOfProgram, PrintsPercentilesAndLeavesASummary) {
   for (const char* part : {"p99.9", "tick, CPU time", "empty tick", "of 3000"})
     EXPECT_NE(run.output.find(part), std::string::npos) << run.output;
   const json summary = json::parse(read_file(folder / "run/summary.json"));
-  EXPECT_EQ(summary["loop"]["tick_cpu"]["count"], 3000);
+  EXPECT_EQ(summary.at("rate_hz"), 2000);
+  for (const auto& [part, count] : {std::pair{"tick_cpu", 3000},
+                                    {"tick_wall", 3000},
+                                    {"empty_tick_cpu", 3000},
+                                    {"empty_tick_wall", 3000}}) {
+    const json& times = summary.at("loop").at(part);
+    EXPECT_EQ(times.at("count"), count);
+    for (const auto& [less, more] :
+         {std::pair{"p50_ms", "p99_ms"}, {"p99_ms", "p99.9_ms"}, {"p99.9_ms", "worst_ms"}})
+      EXPECT_LE(times.at(less).get<double>(), times.at(more).get<double>()) << part;
+  }
+  for (const char* key : {"missed", "empty_missed"}) EXPECT_TRUE(summary["loop"].at(key).is_number()) << key;
   EXPECT_GE(summary["loop"]["seconds"].get<double>(), 1.49);
   EXPECT_GT(summary["loop"]["contacts_max"].get<int>(), 4);
   EXPECT_GT(summary["loop"]["frames"].get<int>(), 0);
@@ -47,6 +59,58 @@ TEST_F(LoopOfProgram, WhatAHandDidIsReplayedWithoutIt) {
     EXPECT_EQ(again.exit_code, 0) << again.output;
     EXPECT_NE(again.output.find("replayed: 1000 ticks, the same states at all 2 hashes"), std::string::npos)
         << again.output;
+  }
+}
+
+// Ticks that are shorter than the scene's steps, or longer: all are recorded.
+TEST_F(LoopOfProgram, TheWholeMotionIsRecordedAtAnyRate) {
+  folder.write("short.csv", "time,ball.z\n0.1,0.05\n0.3,0.046\n");
+  for (const auto& [dt, rate, ticks] :
+       {std::tuple{"1 ms", 2000, 401}, {"10 ms", 1000, 201}, {"0.1 ms", 1000, 201}}) {
+    folder.write(
+        "scene.toml",
+        fmt::format("[organ]\nmodel = \"{0}block.h5\"\n[[instrument]]\nname = \"ball\"\nsphere = 0.02\n"
+                    "[motion]\ndt = \"{1}\"\nfile = \"short.csv\"\n",
+                    folder_of_scene, dt));
+    const std::string scene =
+        fmt::format("simulate {} --no-pictures --every 0 -o {}", in("scene.toml"), in("run"));
+    const Ran run = run_palpate(fmt::format("{} --loop --rate {} --record {}", scene, rate, in("all.h5")));
+    ASSERT_EQ(run.exit_code, 0) << run.output;
+    const Ran again = run_palpate(fmt::format("{} --loop --rate 0 --replay {}", scene, in("all.h5")));
+    EXPECT_EQ(again.exit_code, 0) << again.output;
+    EXPECT_NE(again.output.find(fmt::format("replayed: {} ticks", ticks)), std::string::npos) << again.output;
+  }
+}
+
+// No service, no device: its instrument waits where the motion begins; one the motion knows nothing of waits
+// where it touches nothing.
+TEST_F(LoopOfProgram, UntilTheDeviceIsThereTheInstrumentWaits) {
+  for (const char* motion : {"time,tool.x,tool.y,tool.z\n0,0.1,0,0.2\n0.2,0,0,0\n", "time\n0\n0.2\n"}) {
+    folder.write("wait.csv", motion);
+    folder.write("scene.toml",
+                 fmt::format("[organ]\nmodel = \"{}block.h5\"\n[[instrument]]\nname = \"tool\"\n"
+                             "sphere = 0.02\n[motion]\nfile = \"wait.csv\"\n",
+                             folder_of_scene));
+    const Ran run = run_palpate(
+        fmt::format("simulate {} --loop --rate 2000 --device haply:ws://localhost:1 -o {} --record {}",
+                    in("scene.toml"), in("run"), in("wait.h5")));
+    ASSERT_EQ(run.exit_code, 0) << run.output;
+    const json summary = json::parse(read_file(folder / "run/summary.json"));
+    EXPECT_EQ(summary["loop"]["contacts_max"], 0);
+    EXPECT_EQ(summary["device"]["ticks_connected"], 0);
+    EXPECT_EQ(summary["device"]["peak_force_N"], 0);
+    const Recording record = Recording::read(folder / "wait.h5");
+    std::vector<Input> inputs(1);
+    inputs[0].instruments.resize(1);
+    for (const std::uint64_t k : {std::uint64_t{0}, record.ticks() - 1}) {
+      record.set_inputs(k, inputs);
+      const Vec3& p = inputs[0].instruments[0].translation;
+      if (std::string_view(motion).starts_with("time,")) {
+        EXPECT_EQ(p, Vec3(0.1, 0, 0.2));
+      } else {
+        EXPECT_GT(p.norm(), 0.05);
+      }
+    }
   }
 }
 

@@ -5,10 +5,23 @@
 
 #include "loop.hpp"
 #include "motion_file.hpp"
+#include "palpate/haptics/watchdog.hpp"
 #include "support/count_allocations.hpp"
 
 namespace palpate {
 namespace {
+
+template <class T>
+T& of() noexcept;  // declval, named as a thing
+
+static_assert(noexcept(couple(of<const CouplingSettings>(), of<CouplingState>(), of<const DeviceSample>(),
+                              of<const Wrench>(), 0)));
+static_assert(noexcept(hand_wrench(of<const CouplingSettings>(), of<const CouplingState>(),
+                                   of<const Wrench>())));
+static_assert(noexcept(of<HapticDevice>().read()));
+static_assert(noexcept(of<HapticDevice>().write(of<const Wrench>())));
+static_assert(noexcept(of<Watchdog>().tick(0)));
+static_assert(noexcept(of<Watchdog>().scale(0)));
 
 TEST(Haptics, TheLoopAllocatesNothing) {
   if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";

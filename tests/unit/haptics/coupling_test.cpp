@@ -7,6 +7,7 @@
 
 #include "loop.hpp"
 #include "palpate/base/error.hpp"
+#include "palpate/simulation/organs.hpp"
 
 namespace palpate {
 namespace {
@@ -283,6 +284,43 @@ TEST(Coupling, BeginsWithoutAKick) {
     const double force = loop.tick().force.z();
     EXPECT_LE(force - last, loop.settings.force_limit * 1e-3 / loop.settings.ramp * (1 + 1e-9));
     last = force;
+  }
+}
+
+// Until a device is heard of the instrument waits where the caller put it.
+TEST(Coupling, WaitsWhereItIsPut) {
+  CouplingState state;
+  state.instrument = {Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Vec3::UnitX())), Vec3(0.1, 0.2, 0.3)};
+  const Pose put = state.instrument;
+  DeviceSample sample;  // of no device
+  for (int k = 0; k < 3; ++k) {
+    const Pose pose = couple({}, state, sample, {}, 1e-3);
+    EXPECT_EQ(pose.translation, put.translation);
+    EXPECT_EQ(pose.rotation.coeffs(), put.rotation.coeffs());
+    EXPECT_EQ(hand_wrench({}, state, {Vec3(1, 2, 3), Vec3::Zero()}).force, Vec3::Zero());
+  }
+  sample.connected = true, sample.pose = at_height(0.4);
+  EXPECT_EQ(couple({}, state, sample, {}, 1e-3).translation, Vec3(0, 0, 0.4));
+}
+
+// Clear of every organ, however these and the instrument lie.
+TEST(Coupling, AnInstrumentWithoutAMotionIsClearOfTheOrgans) {
+  for (const Shape& shape : {Shape{Sphere{0.03}}, Shape{Cuboid{Vec3(0.1, 0.2, 0.3)}}, Shape{HalfSpace{}},
+                             Shape{Capsule{1e-3, 0.2}}}) {
+    std::vector<Model> models;
+    models.push_back(block_model(3, shape)), models.push_back(block_model(2, shape));
+    std::vector<Input> inputs = make_inputs(models);
+    inputs[1].organ = {Eigen::Quaterniond(Eigen::AngleAxisd(2, Vec3(1, 1, 0).normalized())),
+                       Vec3(0.1, 0.3, -0.4)};
+    std::vector<State> states = make_states(models);
+    place(inputs, 0, clear_of(models, inputs, 0));
+    for (std::size_t i = 0; i < models.size(); ++i) {
+      step(models[i], states[i], inputs[i]);
+      EXPECT_EQ(states[i].status, 0u);
+      EXPECT_TRUE(states[i].contacts.empty());
+      for (const Vec3& v : models[i].organ.surface.vertices)
+        EXPECT_GT(distance(shape, inputs[i].instruments[0].inverse() * (inputs[i].organ * v)), 0.1);
+    }
   }
 }
 

@@ -88,6 +88,48 @@ TEST(Loop, AllocatesNothing) {
   }
 }
 
+// With all that a tick may meet: friction, a needle between nodes, grips that close and open, compliances
+// that have to work for each number.
+TEST(Loop, AllocatesNothingWhateverItMeets) {
+  if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";
+  for (const Storage storage : {Storage::dense, Storage::half, Storage::hierarchical}) {
+    Model model = block_model(8, Sphere{0.02});
+    model.organ = block_organ(8, {storage == Storage::half ? 2 : 1, storage, 1e-3, 0});
+    model.instruments.push_back({"needle", Capsule{0.5e-3, 0.03}, {}});
+    model.settings.friction = 0.3;
+    State state = make_state(model);
+    std::size_t first = 0, last = 0, frame_first = 0, frame_last = 0, frames = 0;
+    std::size_t held = 0, places = 0, rubbed = 0;
+    LoopSettings settings;
+    settings.rate = 2000, settings.frame_rate = 500, settings.ticks = 400;
+    LoopHooks hooks;
+    hooks.input = [&](std::uint64_t k, const State& s, Input& input) {
+      (k == 0 ? first : last) = thread_allocations;
+      held += !s.grasps.empty();
+      for (const Contact& c : s.contacts) {
+        places += c.triangle >= 0;
+        rubbed += c.triangle < 0 && c.instrument == 0 && std::abs(c.force.y()) > 1e-4;
+      }
+      const double t = static_cast<double>(k) / 400, depth = 0.008 * std::min({1.0, 5 * t, 5 * (1 - t)});
+      input.instruments[0].translation = Vec3(-0.02, -0.01 + 0.02 * t, 0.121 - depth);
+      input.instruments[1].translation = Vec3(0.023 + 0.01 * t, 0.017, 0.1315 - 0.5 * depth);
+      input.grips = {k > 150 && k<250, k> 200 && k < 220};
+      return true;
+    };
+    hooks.frame = [&](const Surface&) {
+      if (frames++ == 0) frame_first = thread_allocations;
+      frame_last = thread_allocations;
+    };
+    run_loop(model, state, settings, hooks);
+    EXPECT_EQ(last, first) << storage_name(storage);
+    EXPECT_EQ(frame_last, frame_first) << storage_name(storage);
+    EXPECT_GT(frames, 1u);
+    EXPECT_GT(held, 50u);
+    EXPECT_GT(places, 50u);
+    EXPECT_GT(rubbed, 50u);
+  }
+}
+
 // Two organs, a recording, and what a haptic device does with the sum of the wrenches.
 TEST(Loop, AllocatesNothingWithTwoOrgans) {
   if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";

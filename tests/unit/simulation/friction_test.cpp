@@ -130,6 +130,34 @@ TEST(Friction, NoneIsTheOldLawAndMuchIsGlue) {
   EXPECT_GT(side[3], side[2]);
 }
 
+// A tick's work is bounded: one turn says that it is not enough, the next ticks go on from there.
+TEST(Friction, ALimitIsAStatusAndTheNextTicksGoOn) {
+  Model model = block_model(10, Sphere{0.02});
+  model.settings.friction = 0.4;
+  State exact = make_state(model);
+  model.settings.max_relinearisations = 1;
+  State state = make_state(model);
+  int not_yet = 0;
+  for (int k = 0; k < 12; ++k) {
+    const Input input = at(Vec3(1e-3 * k, 0.002, 0.12 - 1e-3 * std::min(k, 8)));
+    step(model, state, input);
+    EXPECT_LE(state.relinearisations, 1);
+    not_yet += (state.status & not_converged) != 0;
+    model.settings.max_relinearisations = 100;
+    step(model, exact, input);
+    model.settings.max_relinearisations = 1;
+  }
+  EXPECT_GT(not_yet, 6);
+  const Input still = at(Vec3(11e-3, 0.002, 0.112));
+  int ticks = 0;
+  do {
+    step(model, state, still);
+  } while (state.status & not_converged && ++ticks < 40);
+  EXPECT_LT(ticks, 40);
+  expect_coulomb(model, state, still);
+  EXPECT_LT((state.wrenches[0].force - exact.wrenches[0].force).norm(), 0.3 * exact.wrenches[0].force.norm());
+}
+
 TEST(Friction, OldSurfacesGiveTheSameBits) {
   Model model = block_model(10, Sphere{0.02});
   model.settings.friction = 0.4;

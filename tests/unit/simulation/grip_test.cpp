@@ -306,6 +306,49 @@ TEST_P(Grip, WhatHasNoRoomIsLeftOut) {
   EXPECT_FALSE(state.grasps.empty());
 }
 
+// What a caller has it hold leaves no room for the contacts that bore a force.
+TEST_P(Grip, AContactWithoutRoomIsNotDroppedInSilence) {
+  model.settings.max_contacts = 100;
+  state = make_state(model);
+  for (int k = 0; k <= 10; ++k) go(with_grip(Vec3(0.002, 0.001, touching - 8e-4 * k), open));
+  ASSERT_GT(state.contacts.size(), 3u);
+  for (const Index node : model.organ.node_of_row) {
+    const Vec3 place = contact_point(model, state, node) - lifted(0);
+    if (place.norm() > 0.05 && state.grasps.size() < 33) state.grasps.push_back({node, 0, place});
+  }
+  ASSERT_EQ(state.grasps.size(), 33u);
+  step(model, state, with_grip(lifted(0.006), closed));  // away from what it pressed on
+  EXPECT_NE(state.status & too_many_contacts, 0u);
+}
+
+// Grasps of no node, of no instrument, of an anchor, of the same node again: what cannot be held is let go.
+TEST_P(Grip, BadGraspsAreLetGo) {
+  model.instruments.push_back({"other", Sphere{0.01}, {}});
+  state = make_state(model);
+  Input input = at(lifted(0));
+  input.instruments.push_back({Eigen::Quaterniond::Identity(), Vec3(0, 0, 0.5)});
+  input.grips = {closed, closed};
+  for (int k = 0; k < 3; ++k) step(model, state, input);
+  const std::vector<Grasp> held = state.grasps;
+  const Vec3 force = state.wrenches[0].force;
+  ASSERT_GT(held.size(), 3u);
+  const auto anchored = static_cast<Index>(
+      std::find(model.organ.row_of.begin(), model.organ.row_of.end(), -1) - model.organ.row_of.begin());
+  const auto nodes = static_cast<Index>(model.organ.surface_size());
+  std::vector<Grasp> bad{held[0], held[1], held[0], {held[2].node, 1, held[2].place}};
+  for (const Index node : {-1, nodes, 1 << 30, anchored}) bad.push_back({node, 0, Vec3::Zero()});
+  for (const Index instrument : {-1, 2, 1 << 30}) bad.push_back({held[1].node, instrument, Vec3::Zero()});
+  bad.push_back({held[3].node, 0, Vec3(0, std::nan(""), 0)});
+  state.grasps.insert(state.grasps.end(), bad.begin(), bad.end());
+  for (int k = 0; k < 2; ++k) {
+    step(model, state, input);
+    ASSERT_EQ(state.grasps.size(), held.size());
+    for (std::size_t i = 0; i < held.size(); ++i) EXPECT_EQ(state.grasps[i].node, held[i].node);
+    EXPECT_LT((state.wrenches[0].force - force).norm(), 1e-6 * force.norm());
+    EXPECT_EQ(state.wrenches[1].force, Vec3::Zero());
+  }
+}
+
 TEST_P(Grip, TwoInstrumentsHoldEachNodeOnce) {
   model.instruments.push_back({"other", Sphere{0.03}, {}});
   state = make_state(model);

@@ -7,6 +7,7 @@
 
 #include "fixtures.hpp"
 #include "palpate/base/error.hpp"
+#include "support/refuse_threads.hpp"
 
 namespace palpate {
 namespace {
@@ -89,8 +90,80 @@ TEST(Loop, RefusesWhatItCannotDo) {
     settings.rate = rate;
     EXPECT_THROW(run_loop(model, state, settings, hooks), Error) << rate;
   }
+  EXPECT_THROW(run_loop(model, state, {}, {}), Error);  // no input()
+  EXPECT_THROW(run_loop(std::span(&model, 1), std::span(&state, 1), {}, OrgansHooks{}), Error);
   model.settings.mode = Mode::imprint;
   EXPECT_THROW(run_loop(model, state, {}, hooks), Error);
+}
+
+// The system gives one thread, but not the other: an error, and nothing hangs.
+TEST(Loop, SaysThatThereAreNoThreads) {
+  if (!PALPATE_REFUSES_THREADS) GTEST_SKIP() << "the sanitizers have their own threads";
+  const Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t, const State&, Input&) { return false; };
+  for (const int given : {0, 1}) {
+    threads_left = given;
+    try {
+      run_loop(model, state, {}, hooks);
+      ADD_FAILURE() << given;
+    } catch (const Error& e) {
+      EXPECT_EQ(e.kind(), ErrorKind::resource) << e.what();
+    }
+    EXPECT_EQ(threads_left, 0);
+    threads_left = -1;
+  }
+  EXPECT_EQ(run_loop(model, state, {}, hooks).ticks.wall.count(), 0u);
+}
+
+TEST(Loop, FourThousandTicksASecond) {
+  const Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopSettings settings;
+  settings.rate = 4000, settings.ticks = 2000;
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t k, const State&, Input& in) { return press(k % 400, in), true; };
+  const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_EQ(report.ticks.wall.count(), 2000u);
+  EXPECT_GE(report.seconds, 0.499);
+  EXPECT_GT(report.contacts_max, 0u);
+}
+
+TEST(Loop, ItsReportHasAllKeys) {
+  const Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopSettings settings;
+  settings.ticks = 300, settings.idle_ticks = 100, settings.frame_rate = 200;
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t k, const State&, Input& in) { return press(k, in), true; };
+  const auto json = nlohmann::json::parse(loop_json(run_loop(model, state, settings, hooks)));
+  for (const auto& [part, count] : {std::pair{"tick_cpu", 300},
+                                    {"tick_wall", 300},
+                                    {"empty_tick_cpu", 100},
+                                    {"empty_tick_wall", 100},
+                                    {"surface", -1}}) {
+    const auto& times = json.at(part);
+    double last = 0;
+    for (const char* key : {"p50_ms", "p99_ms", "p99.9_ms", "worst_ms"}) {
+      EXPECT_GE(times.at(key).get<double>(), last) << part << ' ' << key;
+      last = times.at(key);
+    }
+    EXPECT_GT(last, 0) << part;
+    EXPECT_GT(times.at("mean_ms").get<double>(), 0) << part;
+    EXPECT_LE(times.at("mean_ms").get<double>(), last) << part;
+    if (count > 0) {
+      EXPECT_EQ(times.at("count"), count) << part;
+    } else {
+      EXPECT_EQ(times.at("count"), json.at("frames"));
+    }
+  }
+  for (const char* key :
+       {"missed", "empty_missed", "frames", "contacts_max", "not_converged", "frames_beyond_linear"})
+    EXPECT_TRUE(json.at(key).is_number_unsigned()) << key;
+  for (const char* key : {"seconds", "contacts_mean", "largest_strain"})
+    EXPECT_GT(json.at(key).get<double>(), 0) << key;
+  EXPECT_TRUE(json.at("sched_fifo").is_boolean());
 }
 
 }  // namespace

@@ -157,6 +157,46 @@ TEST_F(Places, AFastTipIsNeverLost) {
     }
 }
 
+// Lying, pushed into the tissue and over it side on; upright, over it: at 1 and 5 m/s its force changes by no
+// more than its motion explains, at the stiffness that it shows when it is pressed slowly.
+TEST_F(Places, ANeedlePushedSideways) {
+  take_needle();
+  const Eigen::Quaterniond lying(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitX()));  // along y
+  const auto flat = [&](double x, double z) { return at(Vec3(x, 0.7e-3, z + radius), lying); };
+  const auto upright = [&](double x, double z) { return tip_at(Vec3(x, 0.7e-3, z)); };
+  // Steps along a way; the largest |dF / dx| but for the first.
+  const auto stiffest = [&](auto&& input, const Vec3& from, const Vec3& to, double along, double slowly) {
+    State state = make_state(model);
+    const double depth = -from.z();
+    for (int i = 0; i <= 10; ++i)
+      step(model, state, input(from.x(), depth > 0 ? -0.1 * depth * i : from.z()));
+    Vec3 last = state.wrenches[0].force;
+    double most = 0;
+    const int ticks = static_cast<int>((to - from).norm() / along + 1e-9);
+    for (int i = 1; i <= ticks; ++i) {
+      const Vec3 p = from + i * along * (to - from).normalized();
+      step(model, state, input(p.x(), p.z()));
+      most = std::max(most, (state.wrenches[0].force - last).norm() / along);
+      last = state.wrenches[0].force;
+      EXPECT_FALSE(state.status & (bad_input | too_many_contacts));
+      EXPECT_TRUE(slowly == 0 || most <= 1.2 * slowly) << most / slowly << " at " << 1e3 * p.x() << " mm";
+    }
+    EXPECT_GT(last.z(), 0.02);
+    return most;
+  };
+  const double k_lying = stiffest(flat, Vec3(1e-3, 0, 0), Vec3(1e-3, 0, -6e-3), 0.1e-3, 0);
+  const double k_upright = stiffest(upright, Vec3(1e-3, 0, 0), Vec3(1e-3, 0, -5e-3), 0.1e-3, 0);
+  for (const double along : {1e-3, 5e-3}) {
+    SCOPED_TRACE(fmt::format("{} mm a tick", 1e3 * along));
+    stiffest(flat, Vec3(1e-3, 0, 0.7 * along), Vec3(1e-3, 0, -6e-3), along, k_lying);
+    for (const double depth : {1e-3, 1.5e-3}) {
+      SCOPED_TRACE(fmt::format("{} mm deep", 1e3 * depth));
+      stiffest(flat, Vec3(-9e-3, 0, -depth), Vec3(9e-3, 0, -depth), along, k_lying);
+      stiffest(upright, Vec3(-9e-3, 0, -depth), Vec3(9e-3, 0, -depth), along, k_upright);
+    }
+  }
+}
+
 // A blade of 1 mm, edge on, askew to the rows of nodes: with its thickness said it is felt along its edge.
 TEST_F(Places, ABladesEdge) {
   const Vec3 half(10e-3, 0.5e-3, 10e-3);

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "fixtures.hpp"
+#include "palpate/base/error.hpp"
 #include "palpate/contact/clusters.hpp"
 
 namespace palpate {
@@ -57,9 +58,11 @@ void expect_signorini(const Model& model, const State& state, const Input& input
     EXPECT_NEAR(g.distance, c.gap_after, 1e-9);
     total += c.force;
     torque += (x - input.instruments[i].translation).cross(c.force);
-    rows.push_back(model.organ.row_of[static_cast<std::size_t>(c.node)]);
+    const Index row = model.organ.row_of[static_cast<std::size_t>(c.node)];
+    const auto load = static_cast<std::size_t>(std::find(rows.begin(), rows.end(), row) - rows.begin());
+    if (load == rows.size()) rows.push_back(row), forces.resize(forces.size() + 3);  // two may touch it
     const Vec3 f = state.organ.rotation.conjugate() * c.force;
-    for (int a = 0; a < 3; ++a) forces.push_back(static_cast<float>(f[a]));
+    for (std::size_t a = 0; a < 3; ++a) forces[3 * load + a] += static_cast<float>(f[static_cast<int>(a)]);
   }
   if (model.instruments.size() == 1) {
     EXPECT_LT((total + state.wrenches[0].force).norm(), 1e-9 * (1 + total.norm()));
@@ -259,6 +262,35 @@ TEST(Step, TwoInstrumentsAtOnce) {
   EXPECT_LE(state.deepest_after, 1e-6 * organ_size(model));
 }
 
+// Two balls beside each other press the node in their groove. The second was there first: its contact comes
+// first in the next tick, too.
+TEST(Step, ANodeOfTwoInstrumentsIsOneLoad) {
+  for (const Storage storage : {Storage::dense, Storage::hierarchical}) {
+    Model model = block_model(8, Sphere{0.015});
+    model.organ = block_organ(8, {1, storage, 1e-3, 0});
+    model.instruments.push_back({"other", Sphere{0.015}, {}});
+    State state = make_state(model);
+    Input input = at(Vec3(-0.006, 0, 0.2));
+    input.instruments.push_back({Eigen::Quaterniond::Identity(), Vec3(0.006, 0, 0.109)});
+    step(model, state, input);
+    input.instruments[0].translation.z() = 0.109;
+    for (int k = 0; k < 3; ++k) {
+      step(model, state, input);
+      std::vector<Index> nodes,
+          rows(state.loads.rows.begin(), state.loads.rows.begin() + static_cast<int>(state.loads.count));
+      Vec3 contacts = Vec3::Zero(), loads = Vec3::Zero();
+      for (const Contact& c : state.contacts) contacts += c.force, nodes.push_back(c.node);
+      for (std::size_t i = 0; i < state.loads.count; ++i) loads += state.loads.forces[i];
+      std::sort(nodes.begin(), nodes.end());
+      EXPECT_NE(std::adjacent_find(nodes.begin(), nodes.end()), nodes.end());  // both bear on one
+      std::sort(rows.begin(), rows.end());
+      EXPECT_EQ(std::adjacent_find(rows.begin(), rows.end()), rows.end()) << k;
+      EXPECT_LT((contacts - loads).norm(), 1e-12);
+      expect_signorini(model, state, input);
+    }
+  }
+}
+
 TEST(Step, BadInputIsAStatusAndLeavesTheStateAlone) {
   const Model model = block_model(5, Sphere{0.03});
   State state = make_state(model);
@@ -290,6 +322,46 @@ TEST(Step, LimitsAreStatusesNeverSilent) {
   EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
   step(model, state, at(Vec3(0, 0, 0.02)));  // the ball reaches into the base
   EXPECT_NE(state.status & anchor_touched, 0u);
+}
+
+TEST(Step, WhatCannotBeSimulatedIsRefused) {
+  const Model good = block_model(2, Sphere{0.03});
+  const auto message = [](const Model& model) -> std::string {
+    try {
+      make_state(model);
+    } catch (const Error& e) {
+      EXPECT_EQ(e.kind(), ErrorKind::usage);
+      EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos);
+      return e.what();
+    }
+    return "none";
+  };
+  EXPECT_EQ(message(good), "none");
+  const double nan = std::nan(""), inf = INFINITY;
+  for (const Shape& shape :
+       {Shape{Sphere{0}}, Shape{Sphere{-1}}, Shape{Sphere{nan}}, Shape{Sphere{inf}},
+        Shape{Capsule{0.005, -0.002}}, Shape{Capsule{0, 0.01}}, Shape{Capsule{nan, 1}},
+        Shape{Cuboid{Vec3(1, 0, 1)}}, Shape{Cuboid{Vec3(1, 1, -1)}}, Shape{Cuboid{Vec3(nan, 1, 1)}}}) {
+    Model model = good;
+    model.instruments[0].shape = shape;
+    EXPECT_NE(message(model).find("instrument 'tool'"), std::string::npos) << message(model);
+  }
+  Model thin = good;
+  thin.instruments[0].shape = Capsule{0.005, 0};  // a ball
+  EXPECT_EQ(message(thin), "none");
+  const auto refused = [&](const char* name, auto set) {
+    Model model = good;
+    set(model.settings);
+    EXPECT_NE(message(model).find(name), std::string::npos) << message(model);
+  };
+  for (const double bad : {0.0, -1e-6, nan, inf, 0.5})
+    refused("tolerance", [&](Settings& s) { s.tolerance = bad; });
+  for (const double bad : {-0.1, nan, inf}) refused("friction", [&](Settings& s) { s.friction = bad; });
+  for (const int bad : {0, -3})
+    refused("max_relinearisations", [&](Settings& s) { s.max_relinearisations = bad; });
+  for (const double bad : {0.0, nan})
+    refused("gaussian_radius", [&](Settings& s) { s.gaussian_radius = bad; });
+  refused("gaussian_force", [&](Settings& s) { s.gaussian_force = nan; });
 }
 
 TEST(Step, GaussianForceWithoutCollision) {

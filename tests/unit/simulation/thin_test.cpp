@@ -86,6 +86,104 @@ TEST_F(Thin, ADeepBladeSideways) {
   }
 }
 
+// A sheet of 0.2 mm stands still in the crater of a ball, 2 mm below where the surface rests. The ball goes
+// away, or its grip opens, in one tick: the tissue springs back up to the sheet, and no farther.
+TEST_F(Thin, TissueThatSpringsBackMeetsAThinSheet) {
+  const double half = 0.1e-3, height = -2e-3;
+  model.instruments = {{"ball", Sphere{0.01}, {}}, {"sheet", Cuboid{Vec3(4e-3, 4e-3, half)}, {}}};
+  for (const auto& [friction, grips] : {std::pair{0.0, false}, {0.3, false}, {0.0, true}}) {
+    SCOPED_TRACE(fmt::format("friction {}, grip {}", friction, grips));
+    model.settings.friction = friction;
+    State state = make_state(model), late = make_state(model);
+    const Surface rest = late.surface;
+    Input input = at(Vec3(0.2e-3, 0.1e-3, 0.0101));
+    input.instruments.push_back({Eigen::Quaterniond::Identity(), Vec3(0, 0, 0.05)});
+    input.grips = {0, 0};
+    const auto go = [&] {
+      step(model, state, input);
+      tick(model, late, input, rest);
+      for (std::size_t i = 0; i < 2; ++i) ASSERT_EQ(state.wrenches[i].force, late.wrenches[i].force);
+    };
+    for (int k = 0; k < 14; ++k) input.instruments[0].translation.z() -= 0.5e-3, go();
+    input.instruments[1].translation.z() = height;
+    input.grips[0] = grips;
+    for (int k = 0; k < 3; ++k) go();
+    EXPECT_EQ(state.wrenches[1].force, Vec3::Zero());
+    EXPECT_EQ(!state.grasps.empty(), grips);
+    input.instruments[0].translation.z() += 0.012;
+    input.grips[0] = 0;
+    for (int k = 0; k < 3; ++k) {
+      go();
+      EXPECT_EQ(state.wrenches[0].force, Vec3::Zero());
+      EXPECT_GT(state.wrenches[1].force.z(), 0.05);
+      EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+      for (const Contact& c : state.contacts) EXPECT_LT(c.force.z(), 0);
+      for (const Index node : model.organ.node_of_row) {
+        const Vec3& at_rest = model.organ.surface.vertices[static_cast<std::size_t>(node)];
+        if (at_rest.z() < 0 || at_rest.head<2>().cwiseAbs().maxCoeff() > 3.5e-3) continue;
+        EXPECT_LE(contact_point(model, state, node).z(), height - half + 1e-6);
+      }
+    }
+    input.instruments[1].translation.z() = 0.05;
+    go();
+    EXPECT_EQ(state.loads.count, 0u);
+  }
+  model.settings = {};
+}
+
+// A flat side under load moves sideways, and the nodes it presses come round its edge: away from a thin
+// blade, onto the narrow side of a thick one or free of it. No node is ever pulled, and no force changes by
+// more than the motion explains and what the nodes that came round had borne: they leave an edge all at once.
+TEST_F(Thin, NodesComeRoundTheEdgeOfALoadedBlade) {
+  for (const double thick : {1e-3, 12e-3}) {
+    const Vec3 half(6e-3, 6e-3, 0.5 * thick);
+    take(Cuboid{half});
+    const double k = stiffness(half.z(), 0.008, Vec3::Zero(), Eigen::Quaterniond::Identity());
+    for (const double friction : {0.0, 0.3})
+      for (const double along : {0.1e-3, 0.5e-3}) {
+        SCOPED_TRACE(
+            fmt::format("{} mm thick, friction {}, {} mm a tick", 1e3 * thick, friction, 1e3 * along));
+        model.settings.friction = friction;
+        State state = make_state(model);
+        Vec3 origin(-4e-3, 0.4e-3, 0);
+        for (double bottom = 0.1e-3; bottom > -3e-3; bottom -= 0.1e-3)
+          origin.z() = bottom + half.z(), step(model, state, at(origin));
+        const auto forces = [&] {
+          std::vector<Vec3> out(model.organ.surface_size(), Vec3::Zero());
+          for (const Contact& c : state.contacts) out[static_cast<std::size_t>(c.node)] = c.force;
+          return out;
+        };
+        Vec3 last = state.wrenches[0].force;
+        std::vector<Vec3> before = forces();
+        std::size_t came_off = 0, sideways = 0;
+        for (double moved = along; moved < 8e-3; moved += along) {
+          origin.x() += along;
+          step(model, state, at(origin));
+          EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+          for (const Contact& c : state.contacts) {
+            const Gap g = gap(Cuboid{half}, c.point - origin);
+            EXPECT_NEAR(g.distance, 0, 1e-6);
+            EXPECT_GE(c.force.dot(g.normal), 0.95 * c.force.norm());
+            EXPECT_LE(g.normal.z(), 1e-6);  // never lifted
+            sideways += g.normal.z() > -0.5;
+          }
+          const std::vector<Vec3> now = forces();
+          double lost = 0;
+          for (std::size_t n = 0; n < now.size(); ++n)
+            if (before[n].dot(now[n]) < 0.5 * before[n].norm() * now[n].norm() || now[n] == Vec3::Zero())
+              lost += before[n].norm(), came_off += before[n] != Vec3::Zero();
+          const double explained = 1.2 * k * along + lost;
+          EXPECT_LE((state.wrenches[0].force - last).norm(), explained);
+          for (std::size_t n = 0; n < now.size(); ++n) EXPECT_LE((now[n] - before[n]).norm(), explained);
+          last = state.wrenches[0].force, before = now;
+        }
+        EXPECT_GT(came_off, 3u);
+        EXPECT_EQ(sideways > 0, thick > 5e-3);
+      }
+  }
+  model.settings = {};
+}
+
 // T 7.2 point 3: beyond the middle of a thin body its far side is nearer, and the body is swallowed.
 TEST_F(Thin, TheThesisSwallowing) {
   take(Cuboid{Vec3(10e-3, 10e-3, 0.5e-3)});
