@@ -29,7 +29,7 @@ State make_state(const Model& model) {
   state.loads = Loads(s);
   state.contacts.reserve(std::max(capacity, s));
   state.wrenches.assign(instruments, Wrench{});
-  state.scratch.reset(new StepScratch(model, capacity));
+  state.scratch.reset(new StepScratch(model, capacity, *state.surface.clusters));
   StepScratch& w = *state.scratch;
   std::vector<Index> anchored;
   for (std::size_t i = 0; i < s; ++i)
@@ -54,7 +54,11 @@ State make_state(const Model& model) {
   w.is_wanted.assign(organ.compliance.nodes(), 0);
   w.near_faces.resize(w.faces.empty() ? 0 : instruments);
   for (std::vector<Index>& faces : w.near_faces) faces.reserve(organ.surface.triangles.size());
-  w.face_number.assign(w.faces.faces.size(), 0);
+  w.u_before.assign(w.faces.empty() ? 0 : s, Vec3::Zero());
+  w.u_before_number.assign(w.u_before.size(), 0);
+  w.looked_at.resize(instruments * w.faces.faces.size());
+  w.seen.resize(w.u_before.size());
+  w.point_slots.resize(capacity), w.point_forces.resize(capacity);
   w.watched.reserve(s);
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
@@ -133,16 +137,19 @@ void take_loads(const Model& model, State& state) {
   for (const Index node : w.near) place(node);
 }
 
+constexpr int most_rounds = 20;
+
 // Solves until the forces swallow no other node, and no instrument reaches into a triangle between nodes.
 void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
   SolveResult result;
-  w.round = 0;
+  w.round = 0, w.left = 0;
   if (w.places > 0) add_places(model, state, surface, true);  // where instruments went on
-  for (; w.round < 10; ++w.round) {
+  for (; w.round < most_rounds; ++w.round) {
     face_places(model, state);
     hold(model, state, For::points);
+    displace_points(model, state);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
                    ? w.solver.prescribed(w.block, w.shapes, w.points, limits)
@@ -168,6 +175,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
 // Contacts in the world, and what the instruments feel.
 void report(State& state, const Input& input) {
   StepScratch& w = *state.scratch;
+  state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
   for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
@@ -207,6 +215,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
     return;
   }
   state.status = status_ok;
+  ++state.scratch->ticks;
   state.deepest_before = state.deepest_after = 0;
   state.organ = normalized(input.organ);
   place(model, state, input);

@@ -23,7 +23,7 @@ struct Sweep {
 };
 
 struct StepScratch {
-  StepScratch(const Model& model, std::size_t most)
+  StepScratch(const Model& model, std::size_t most, const Clusters& clusters)
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
               compliance.nodes(), std::min(most_places, most / 3)),
@@ -32,7 +32,7 @@ struct StepScratch {
         capacity(most),
         placed_u(3 * block.plane()),
         compliance_rows(9 * most),
-        faces(model.organ, model.instruments) {}
+        faces(model.organ, model.instruments, clusters) {}
 
   // The model's own, in case another organ has been put into it since.
   const Compliance& compliance_of(const Model& model) const {
@@ -67,12 +67,24 @@ struct StepScratch {
   int round = 0;                               // of the tick's solves
   std::size_t places = 0;                      // among the points
   std::vector<std::vector<Index>> near_faces;  // of each instrument: triangles it may reach into
-  std::vector<std::uint64_t> face_number;      // of each triangle: of the list it is in
-  std::uint64_t faces_number = 0;              // of the last list
-  std::vector<std::uint8_t> is_wanted;         // of each node: in hold()
-  double softest = 0;                          // the largest of these
-  double drifted_before = 0;                   // from the surface to the last tick's loads, sqrt J
-  double size = 0, tolerance = 0, reach = 0;   // m
+  std::vector<LookedAt> looked_at;             // [instrument * faces + triangle]
+  std::vector<Vec3> u_before;                  // of each node under the last tick's loads, m; right in
+  std::vector<std::uint64_t> u_before_number;  // the tick of the same number:
+  struct Seen {
+    Vec3 u = Vec3::Zero(), change = Vec3::Zero();  // m
+    double share = 1;
+    std::uint64_t round = 0;  // of all ticks
+  };
+  std::vector<Seen> seen;  // of each node: where the places' planes are taken
+  std::uint64_t ticks = 0;
+  bool moved_forces = false;       // places have moved, with their forces, since the points were displaced
+  std::vector<Index> point_slots;  // of the points with a force
+  std::vector<Vec3> point_forces;  // and these, N
+  double left = 0;                 // m: how deep instruments reach into triangles after a solve
+  std::vector<std::uint8_t> is_wanted;        // of each node: in hold()
+  double softest = 0;                         // the largest softness
+  double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
+  double size = 0, tolerance = 0, reach = 0;  // m
 };
 
 inline Pose normalized(Pose p) {
@@ -118,12 +130,21 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface);
 // A place on a triangle, without displacement, path and force.
 ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
                       const Vec3& weights);
+// How near an instrument was to what it may have passed through between nodes, m; 0: nothing. What is thicker
+// than its way goes through nothing.
+inline double swept_reach(const StepScratch& w, std::size_t instrument) {
+  const Sweep& s = w.sweeps[instrument];
+  return s.way > w.faces.thickness[instrument] ? s.reach : 0.0;
+}
 // Triangles an instrument may come to reach into in this tick, under displacements that drift so far from the
 // surface; their nodes are near.
 void find_faces(const Model& model, State& state, const Surface& surface, std::size_t instrument,
                 double drifted);
 // Takes the planes that stand for the instruments at the places, where these are now.
 void face_places(const Model& model, State& state);
+// Where places have moved, with their forces, the points' displacements under them; after hold(): the solver
+// with friction goes on from there.
+void displace_points(const Model& model, State& state);
 // Whether places with a force are off them by now, so that they should be taken again.
 bool places_are_off(const Model& model, State& state);
 // Where there are many, places without a force are points no more; those that are needed are found again.

@@ -214,6 +214,113 @@ TEST_F(Places, OldSurfacesGiveTheSameBits) {
     }
 }
 
+// How deep an instrument reaches between nodes, by samples; deeper than where it is felt from.
+double left_between(const Model& model, const State& state, std::size_t instrument, const Pose& pose) {
+  const Faces faces(model.organ, model.instruments, *state.surface.clusters);
+  double left = 0;
+  for (std::size_t i = 0; i < faces.faces.size(); ++i) {
+    const Triangle& t = model.organ.surface.triangles[i];
+    const auto is_free = [&](Index v) { return model.organ.row_of[static_cast<std::size_t>(v)] >= 0; };
+    if (!std::all_of(t.begin(), t.end(), is_free)) continue;
+    if (distance(model.instruments[instrument].shape, pose.inverse() * contact_point(model, state, t[0])) >
+        6e-3)
+      continue;
+    constexpr int n = 24;
+    for (int a = 0; a <= n; ++a)
+      for (int b = 0; a + b <= n; ++b) {
+        const Vec3 w = Vec3(a, b, n - a - b) / n;
+        if (w.maxCoeff() > 0.95) continue;  // the node's business
+        const Vec3 p = w[0] * contact_point(model, state, t[0]) + w[1] * contact_point(model, state, t[1]) +
+                       w[2] * contact_point(model, state, t[2]) -
+                       faces.allowance(i, instrument, w) * faces.faces[i].normal;
+        left = std::max(left, -distance(model.instruments[instrument].shape, pose.inverse() * p));
+      }
+  }
+  return left;
+}
+
+// What a tick leaves between nodes is in deepest_after, and where it says that it converged it is little.
+TEST_F(Places, WhatIsLeftIsReported) {
+  take_needle();
+  for (const double friction : {0.0, 0.3})
+    for (const double depth : {0.8e-3, 1.7e-3})
+      for (const double along : {5e-3, 1e-3, 0.3e-3}) {
+        SCOPED_TRACE(fmt::format("friction {}, depth {}, {} mm a tick", friction, 1e3 * depth, 1e3 * along));
+        model.settings.friction = friction;
+        State state = make_state(model);
+        for (double z = 0; z < depth; z += 0.1e-3) press(state, Vec3(-9e-3, 0.7e-3, -z));
+        press(state, Vec3(-9e-3, 0.7e-3, -depth));
+        for (double x = -9e-3 + along; x <= 9e-3; x += along) {
+          const Input input = tip_at(Vec3(x, 0.7e-3, -depth));
+          step(model, state, input);
+          const double left = left_between(model, state, 0, input.instruments[0]);
+          const double much = 1e-6 * organ_size(model) + 1e-4 * std::sqrt(2.0) * 3e-3 + 2e-3 * along;
+          EXPECT_LE(left, std::max(much, state.deepest_after) + 1e-7) << x;
+          EXPECT_TRUE(state.deepest_after <= 1.01 * much || state.status & not_converged) << x;
+        }
+      }
+}
+
+// A triangle that a grip has stretched beyond what its nodes reach at rest is seen, however old the surface
+// is.
+TEST_F(Places, StretchedTrianglesAreSeen) {
+  model.instruments = {{"grip", Sphere{5e-3}, {}, 0}, {"needle", Capsule{radius, length}, {}, 0}};
+  State fresh = make_state(model), late = make_state(model);
+  const Surface rest = late.surface;
+  Input input;
+  input.instruments = {Pose{}, Pose{Eigen::Quaterniond::Identity(), Vec3(0, 0, 0.2)}};
+  const auto both = [&](const Vec3& grip, std::uint8_t closed) {
+    input.instruments[0].translation = grip, input.grips = {closed, 0};
+    step(model, fresh, input);
+    tick(model, late, input, rest);
+    EXPECT_EQ(state_hash(fresh), state_hash(late));
+  };
+  both(Vec3(0, 0, 4e-3), 0);
+  both(Vec3(0, 0, 4e-3), 1);
+  for (int k = 1; k <= 10; ++k) both(Vec3(0, 0, 4e-3 + 8e-3 * k), 1);
+  const auto corner = [&](const Triangle& t, std::size_t k) { return contact_point(model, fresh, t[k]); };
+  double farthest = 0;
+  Vec3 middle = Vec3::Zero(), normal = Vec3::UnitZ();
+  for (const Triangle& t : model.organ.surface.triangles) {
+    if (std::any_of(fresh.grasps.begin(), fresh.grasps.end(),
+                    [&](const Grasp& g) { return std::count(t.begin(), t.end(), g.node) > 0; }))
+      continue;
+    const Vec3 m = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
+    double nearest = 1;
+    for (std::size_t k = 0; k < 3; ++k) nearest = std::min(nearest, (corner(t, k) - m).norm());
+    if (nearest <= farthest) continue;
+    farthest = nearest, middle = m;
+    normal = (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0)).normalized();
+  }
+  EXPECT_GT(farthest, 1.2 * 3e-3);
+  const double deep = 0.3e-3;
+  input.instruments[1] = {Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), normal),
+                          middle + (length + radius - deep) * normal};
+  both(input.instruments[0].translation, 1);
+  EXPECT_TRUE(std::any_of(fresh.contacts.begin(), fresh.contacts.end(),
+                          [](const Contact& c) { return c.instrument == 1 && c.triangle >= 0; }));
+}
+
+// A lattice's margin is not the needle: on a coarse lattice with a wide one it still has places.
+TEST_F(Places, AMarginDoesNotMakeBlunt) {
+  Faces faces;
+  const Surface rest = make_surface(model.organ);
+  for (const double margin : {1e-3, 2.5e-3}) {
+    TriangleMesh needle = surface_of_primitive(Capsule{radius, 5e-3});
+    const Shape shape = std::make_shared<const Lattice>(sample_lattice(
+        SignedDistanceField(needle), make_grid_spaced(bounding_box(needle.vertices), 0.25e-3, margin)));
+    for (const bool drawn : {false, true}) {
+      const std::vector<Instrument> instruments{{"needle", shape, drawn ? needle : TriangleMesh{}, 0}};
+      faces = Faces(model.organ, instruments, *rest.clusters);
+      ASSERT_EQ(faces.thickness.size(), 1u);
+      EXPECT_NEAR(faces.thickness[0], radius, 0.1 * radius) << margin << drawn;
+    }
+  }
+  const std::vector<Instrument> ball{
+      {"ball", lattice_of(make_sphere(Vec3::Zero(), 4e-3, 24, 32), 0.5e-3), {}, 0}};
+  EXPECT_TRUE(Faces(model.organ, ball, *rest.clusters).empty());
+}
+
 // A needle that grips takes the nodes round its tip with it.
 TEST_F(Places, AGripBetweenNodes) {
   take_needle();
