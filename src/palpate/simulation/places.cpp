@@ -18,6 +18,8 @@ namespace {
 
 // Cosine between a shape's normal and the way into a triangle it touches.
 constexpr double least_facing = 0.3;
+// Of half the instrument's thickness: when it moves by less, its places of the last tick will do for a start.
+constexpr double hardly_moved = 0.25;
 constexpr double met = 0.005;  // of a triangle: places that slide so near to each other are one
 
 std::array<Vec3, 3> corners_at(const Model& model, std::size_t triangle, auto&& u_of) {
@@ -262,23 +264,6 @@ void displace_points(const Model& model, State& state) {
   for (ContactPoint& c : w.points) c.u = w.block.in_planes<double>(w.placed_u, c.slot);
 }
 
-bool places_are_off(const Model& model, State& state) {
-  StepScratch& w = *state.scratch;
-  for (const ContactPoint& c : w.points) {
-    if (c.triangle < 0 || c.force == Vec3::Zero()) continue;
-    ContactPoint now = c;
-    const Facing facing = facing_at(model, w, at(c.triangle), at(c.instrument), c.weights,
-                                    corners_now(model, state, at(c.triangle)),
-                                    [&](Index node) { return displacement(model, state, node); });
-    if (!take_plane(w, facing.into, now)) continue;
-    const double off = now.offset + now.tilt * now.facing.dot(c.u) - c.gap;
-    if (std::abs(off) > least_depth(w, at(c.triangle), at(c.instrument)) ||
-        (now.facing - c.facing).norm() > least_turn(w, at(c.triangle), at(c.instrument)))
-      return true;
-  }
-  return false;
-}
-
 namespace {
 
 template <class Idle>
@@ -355,6 +340,25 @@ const Vec3& seen(const Model& model, State& state, Index node) {
 
 namespace {
 
+// Whether places with a force are off their planes by now.
+bool places_are_off(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  for (const ContactPoint& c : w.points) {
+    if (c.triangle < 0 || c.force == Vec3::Zero()) continue;
+    ContactPoint now = c;
+    const Facing facing = facing_at(model, w, at(c.triangle), at(c.instrument), c.weights,
+                                    corners_now(model, state, at(c.triangle)),
+                                    [&](Index node) { return displacement(model, state, node); });
+    if (!take_plane(w, facing.into, now)) continue;
+    const double gap = now.offset + now.tilt * now.facing.dot(c.u), off = gap - c.gap;
+    w.left = std::max(w.left, -gap);
+    if (std::abs(off) > least_depth(w, at(c.triangle), at(c.instrument)) ||
+        (now.facing - c.facing).norm() > least_turn(w, at(c.triangle), at(c.instrument)))
+      return true;
+  }
+  return false;
+}
+
 // Of one instrument. True when there were any.
 bool add_places_of(const Model& model, State& state, std::size_t instrument, Look look, bool early) {
   StepScratch& w = *state.scratch;
@@ -418,9 +422,12 @@ bool add_places(const Model& model, State& state, const Surface& surface, bool e
     }
     if (!early) added = add_places_of(model, state, i, Look::again, early) || added;
   }
-  for (std::size_t i = 0; i < w.shapes.size() && !added; ++i)
-    if (w.faces.thickness[i] > 0) added = add_places_of(model, state, i, Look::whole, early) || added;
-  return added;
+  const bool off = !early && places_are_off(model, state);
+  if (added || (off && w.round % 3 != 0)) return true;  // there is more to come
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)
+    if (w.faces.thickness[i] > 0 && !(early && w.sweeps[i].way <= hardly_moved * w.faces.thickness[i]))
+      added = add_places_of(model, state, i, Look::whole, early) || added;
+  return added || off;
 }
 
 }  // namespace palpate

@@ -162,8 +162,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
     limits.max_relinearisations -= result.relinearisations;
     take_loads(model, state);
     drop_idle_places(model, state);
-    if (!add_swallowed(model, state, surface) && !add_places(model, state, surface) &&
-        !places_are_off(model, state)) {
+    if (!add_swallowed(model, state, surface) && !add_places(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;
     }

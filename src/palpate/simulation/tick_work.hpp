@@ -145,12 +145,11 @@ void face_places(const Model& model, State& state);
 // Where places have moved, with their forces, the points' displacements under them; after hold(): the solver
 // with friction goes on from there.
 void displace_points(const Model& model, State& state);
-// Whether places with a force are off them by now, so that they should be taken again.
-bool places_are_off(const Model& model, State& state);
 // Where there are many, places without a force are points no more; those that are needed are found again.
 void drop_idle_places(const Model& model, State& state);
-// Where instruments now reach into triangles the deepest points become points. True when there were any.
-// early: before the tick's first solve, which will move what lies on the instrument.
+// Where instruments now reach into triangles the deepest points become points. True when there were any, or
+// when places with a force are off the planes that stood for the instruments, so that these should be taken
+// again. early: before the tick's first solve, which will move what lies on the instrument.
 bool add_places(const Model& model, State& state, const Surface& surface, bool early = false);
 
 // grip.cpp
