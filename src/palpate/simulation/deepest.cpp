@@ -97,7 +97,7 @@ void climb(const View& view, double more, double within, Deepest& best) noexcept
   Vec3 rise = view.rise(best.weights, gap);
   best.depth = -gap.distance;
   double step = 0.5 * best.size;
-  for (int k = 0; k < 100 && step > least && best.depth + 3 * step * longest > more; ++k) {
+  for (int k = 0; k < 100 && step > least && best.depth + 2 * step * longest > more; ++k) {
     bool rose = false;
     const Vec3 slopes(std::abs(rise[0] - rise[1]), std::abs(rise[1] - rise[2]), std::abs(rise[2] - rise[0]));
     int first = 0, last = 0;

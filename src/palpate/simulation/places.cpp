@@ -61,7 +61,7 @@ double least_depth(const StepScratch& w, std::size_t triangle, std::size_t instr
 // What counts as a turn of a place's facing: as exact as the solver is with nodes, and what a motion by a
 // triangle's edge allows for.
 double least_turn(const StepScratch& w, std::size_t triangle, std::size_t instrument) {
-  return 1e-3 + 0.02 * std::min(1.0, w.sweeps[instrument].way / w.faces.faces[triangle].longest);
+  return 1e-3 + 0.06 * std::min(1.0, w.sweeps[instrument].way / w.faces.faces[triangle].longest);
 }
 
 Vec3 inwards(const std::array<Vec3, 3>& corners) {
@@ -141,6 +141,10 @@ bool take_plane(const StepScratch& w, const Vec3& facing, ContactPoint& c) noexc
   return true;
 }
 
+// Of a climb from where the deepest point was, a share of the triangle: less and less moves from round to
+// round.
+double first_step(const StepScratch& w) { return w.round == 0 ? 0.25 : w.round == 1 ? 0.1 : 0.03; }
+
 // How a triangle is looked at: whole, by all it may have met on its way too; or from the deepest point that
 // was found in this tick.
 enum class Look { whole, again };
@@ -207,11 +211,11 @@ bool find_place(const Model& model, State& state, View& view, Look look, Contact
   for (std::size_t k = 0; k < 3; ++k) moved = std::max(moved, (view.now[k] - seen.corners[k]).norm());
   if (known && moved < seen.clearance) return false;
   bool swept = false;
-  Deepest best{seen.weights, -infinite, 0.1};
+  Deepest best{seen.weights, -infinite, first_step(w)};
   if (look == Look::whole)
     best = search(model, state, view, seen, swept);
   else
-    climb(view, more, 0.1 * more, best);
+    climb(view, more, 0.1 * more, best), seen.weights = best.weights;
   if (!(best.depth > w.tolerance)) return false;
   if (!swept) view.before = corners_before(model, state, view.triangle);
   c = place_at(model, w, view.triangle, view.instrument, best.weights);
@@ -288,7 +292,7 @@ bool slide_places(const Model& model, State& state, const Displacement& u_of) {
     View view{w.faces, w.shapes[at(c.instrument)], w.sweeps[at(c.instrument)], at(c.triangle),
               at(c.instrument)};
     view.now = corners_at(model, view.triangle, u_of);
-    Deepest best{c.weights, -infinite, w.round == 0 ? 0.25 : 0.1};
+    Deepest best{c.weights, -infinite, first_step(w)};
     const double depth = -view.shape.distance(view.point(view.now, c.weights));
     const double within = 0.1 * least_depth(w, view.triangle, view.instrument);
     climb(view, -infinite, within, best);

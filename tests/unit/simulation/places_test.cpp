@@ -239,9 +239,11 @@ double left_between(const Model& model, const State& state, std::size_t instrume
   return left;
 }
 
-// What a tick leaves between nodes is in deepest_after, and where it says that it converged it is little.
+// What a tick leaves between nodes is in deepest_after, and where it says that it converged, as nearly all
+// do, it is little.
 TEST_F(Places, WhatIsLeftIsReported) {
   take_needle();
+  int ticks = 0, missed = 0;
   for (const double friction : {0.0, 0.3})
     for (const double depth : {0.8e-3, 1.7e-3})
       for (const double along : {5e-3, 1e-3, 0.3e-3}) {
@@ -257,8 +259,10 @@ TEST_F(Places, WhatIsLeftIsReported) {
           const double much = 1e-6 * organ_size(model) + 1e-4 * std::sqrt(2.0) * 3e-3 + 2e-3 * along;
           EXPECT_LE(left, std::max(much, state.deepest_after) + 1e-7) << x;
           EXPECT_TRUE(state.deepest_after <= 1.01 * much || state.status & not_converged) << x;
+          ++ticks, missed += (state.status & not_converged) != 0;
         }
       }
+  EXPECT_LE(missed, ticks / 20);
 }
 
 // A triangle that a grip has stretched beyond what its nodes reach at rest is seen, however old the surface
@@ -330,6 +334,7 @@ TEST_F(Places, AGripBetweenNodes) {
     input = tip_at(Vec3(1e-3, 0.7e-3, -0.1e-3 * k));
     step(model, state, input);
   }
+  step(model, state, input);  // held still, more exactly
   const Vec3 pressed = state.wrenches[0].force;
   input.grips = {1};
   step(model, state, input);
