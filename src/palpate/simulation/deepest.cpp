@@ -77,22 +77,29 @@ Deepest sample_swept(const View& view, double leaf, double more) noexcept {
 
 namespace {
 
-Vec3 within_triangle(Vec3 w) noexcept {
+// Where a place may be: near a corner the corner itself does, near corners that cannot move nothing does.
+Vec3 within_triangle(Vec3 w, const Vec3& fixed) noexcept {
   w = w.cwiseMax(0.0) / w.cwiseMax(0.0).sum();
   int k = 0;
-  if (w.maxCoeff(&k) <= at_node) return w;
-  const double others = 1 - w[k];
-  for (int l = 0; l < 3; ++l)
-    if (l != k) w[l] = (1 - at_node) * (others > 1e-9 ? w[l] / others : 0.5);
-  w[k] = at_node;
-  return w;
+  if (w.maxCoeff(&k) > at_node) {
+    const double others = 1 - w[k];
+    for (int l = 0; l < 3; ++l)
+      if (l != k) w[l] = (1 - at_node) * (others > 1e-9 ? w[l] / others : 0.5);
+    w[k] = at_node;
+  }
+  const Vec3 on_fixed = w.cwiseProduct(fixed), free = Vec3::Ones() - fixed;
+  const double share = on_fixed.sum(), rest = 1 - share;
+  if (share <= most_fixed) return w;
+  const Vec3 others = rest > 1e-9 ? Vec3((w - on_fixed) / rest) : Vec3(free / free.sum());
+  return most_fixed / share * on_fixed + (1 - most_fixed) * others;
 }
 
 }  // namespace
 
 void climb(const View& view, double more, double within, Deepest& best) noexcept {
   const double longest = view.faces.faces[view.triangle].longest, least = std::max(fine, within / longest);
-  best.weights = within_triangle(best.weights);
+  const Vec3& fixed = view.faces.faces[view.triangle].fixed;
+  best.weights = within_triangle(best.weights, fixed);
   Gap gap = view.gap(best.weights);
   Vec3 rise = view.rise(best.weights, gap);
   best.depth = -gap.distance;
@@ -108,7 +115,7 @@ void climb(const View& view, double more, double within, Deepest& best) noexcept
       const double sign = rise[a] > rise[b] ? 1 : -1;
       Vec3 w = best.weights;
       w[a] += sign * step, w[b] -= sign * step;
-      w = within_triangle(w);
+      w = within_triangle(w, fixed);
       if (w == best.weights) continue;
       gap = view.gap(w);
       if (!(-gap.distance > best.depth)) continue;

@@ -10,6 +10,8 @@ namespace palpate {
 
 constexpr double fine = 1e-4;     // of a triangle: how exactly the deepest point is found
 constexpr double at_node = 0.95;  // beyond this weight of a corner the corner itself does
+constexpr double most_fixed =
+    0.8;  // weight of corners that cannot move: beyond it a place could hardly give way
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
 // A triangle as an instrument sees it.

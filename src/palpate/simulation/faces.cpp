@@ -59,8 +59,10 @@ void append(std::vector<Index>& begin, std::vector<Index>& all, std::vector<Inde
 Face face_of(const Organ& organ, const Triangle& t) {
   const auto corner = [&](std::size_t k) -> const Vec3& { return organ.contact_points[at(t[k % 3])]; };
   Face face;
-  for (std::size_t k = 0; k < 3; ++k)
+  for (std::size_t k = 0; k < 3; ++k) {
     face.squares[static_cast<int>(k)] = (corner(k + 1) - corner(k + 2)).squaredNorm();
+    face.fixed[static_cast<int>(k)] = organ.row_of[at(t[k])] < 0;
+  }
   face.normal = (corner(1) - corner(0)).cross(corner(2) - corner(0)).normalized();
   face.longest = std::sqrt(face.squares.maxCoeff());
   return face;

@@ -46,11 +46,10 @@ std::array<Vec3, 3> corners_now(const Model& model, State& state, std::size_t tr
   return corners_at(model, triangle, [&](Index node) { return displacement(model, state, node); });
 }
 
-// Beside an anchor a place could hardly give way.
+// A grasped node goes with the grip.
 bool is_free(const Model& model, const StepScratch& w, std::size_t triangle) {
   const Triangle& nodes = model.organ.surface.triangles[triangle];
-  return std::none_of(nodes.begin(), nodes.end(),
-                      [&](Index node) { return w.grasped[at(node)] || model.organ.row_of[at(node)] < 0; });
+  return std::none_of(nodes.begin(), nodes.end(), [&](Index node) { return w.grasped[at(node)] != 0; });
 }
 
 // What counts as reaching into a triangle, m: a thousandth of the tick's motion.

@@ -30,6 +30,7 @@ struct Face {
   Vec3 normal = Vec3::Zero();                  // outwards, unit
   Vec3 squares = Vec3::Zero();                 // of the edges opposite to the corners, m2
   double longest = 0;                          // edge, m
+  Vec3 fixed = Vec3::Zero();                   // 1: the corner cannot move
   std::array<Index, 3> beside = {-1, -1, -1};  // the triangle across the edge opposite to each corner
 };
 

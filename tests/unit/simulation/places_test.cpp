@@ -193,25 +193,33 @@ TEST_F(Places, BluntOnesHaveNone) {
 }
 
 TEST_F(Places, OldSurfacesGiveTheSameBits) {
-  take_needle();
-  for (const double friction : {0.0, 0.3})
-    for (const int lag : {1, 13}) {
-      model.settings.friction = friction;
-      State fresh = make_state(model), late = make_state(model);
-      Surface old = late.surface;
-      Deformer deformer(model.organ);
-      std::size_t places = 0;
-      for (int k = 0; k < 120; ++k) {
-        const double x = -6e-3 + 0.1e-3 * k, z = -0.05e-3 * std::min(k, 24);
-        const Input input = tip_at(Vec3(x + (k > 60 ? 2e-3 : 0), 0.7e-3, z));
-        step(model, fresh, input);
-        if (k % lag == 0) deformer(model.organ, late.loads, old);
-        tick(model, late, input, old);
-        ASSERT_EQ(state_hash(fresh), state_hash(late)) << k;
-        for (const Contact& c : late.contacts) places += c.triangle >= 0;
-      }
-      EXPECT_GT(places, 60u);
-    }
+  const Vec3 half(10e-3, 0.5e-3, 10e-3);
+  const Shape blade = lattice_of(make_box({-half, half}), 0.25e-3);
+  for (const bool is_blade : {false, true})
+    for (const double along : {0.1e-3, 0.9e-3})
+      for (const double friction : {0.0, 0.3})
+        for (const int lag : {1, 13}) {
+          SCOPED_TRACE(fmt::format("blade {} {} mm a tick, friction {}, lag {}", is_blade, 1e3 * along,
+                                   friction, lag));
+          is_blade ? take(blade, 1e-3) : take_needle();
+          model.settings.friction = friction;
+          State fresh = make_state(model), late = make_state(model);
+          Surface old = late.surface;
+          Deformer deformer(model.organ);
+          std::size_t places = 0;
+          const int ticks = along > 0.5e-3 ? 40 : 120;
+          for (int k = 0; k < ticks; ++k) {
+            const double x = -6e-3 + std::fmod(along * k, 15e-3), z = -0.05e-3 * std::min(k, 24);
+            const Vec3 p(x + (k > ticks / 2 ? 2e-3 : 0), 0.7e-3, z);
+            const Input input = is_blade ? at(Vec3(p.y(), p.x(), p.z() + 10e-3)) : tip_at(p);
+            step(model, fresh, input);
+            if (k % lag == 0) deformer(model.organ, late.loads, old);
+            tick(model, late, input, old);
+            ASSERT_EQ(state_hash(fresh), state_hash(late)) << k;
+            for (const Contact& c : late.contacts) places += c.triangle >= 0;
+          }
+          EXPECT_GT(places, 20u);
+        }
 }
 
 // How deep an instrument reaches between nodes, by samples; deeper than where it is felt from.
@@ -303,6 +311,39 @@ TEST_F(Places, StretchedTrianglesAreSeen) {
   both(input.instruments[0].translation, 1);
   EXPECT_TRUE(std::any_of(fresh.contacts.begin(), fresh.contacts.end(),
                           [](const Contact& c) { return c.instrument == 1 && c.triangle >= 0; }));
+}
+
+// Between an anchor and the nodes beside it a tip is felt, the stiffer the nearer the anchor is.
+TEST_F(Places, BesideAnAnchor) {
+  take_needle();
+  const Eigen::Quaterniond lying(Eigen::AngleAxisd(0.5 * 3.14159265358979, Vec3::UnitY()));
+  for (const double friction : {0.0, 0.3}) {
+    SCOPED_TRACE(friction);
+    model.settings.friction = friction;
+    double last = 0, most = 0;
+    for (const double z : {-27.5e-3, -28e-3, -28.5e-3, -29e-3}) {  // nodes at -27 mm, the anchor at -30 mm
+      State state = make_state(model);
+      const auto push = [&](double depth, double down) {
+        step(model, state, at(Vec3(30e-3 - depth + length + radius, 1e-3, z - down), lying));
+        EXPECT_EQ(state.status & ~(strain_beyond_linear | anchor_touched), 0u)
+            << z << ' ' << depth << ' ' << down;
+        return state.wrenches[0].force.x();
+      };
+      double force = 0;
+      for (int k = 0; k <= 10; ++k) force = push(0.02e-3 * k, 0);
+      EXPECT_GT(force, 1.05 * last) << z;
+      EXPECT_LT(force, 1) << z;
+      most = std::max(most, force);
+      if (z == -29e-3)  // and on, beyond the anchor: it comes to an end
+        for (int k = 1; k <= 40; ++k) {
+          const double next = push(0.2e-3, 0.05e-3 * k);
+          EXPECT_LT(std::abs(next - force), 0.5 * most) << k;
+          force = next, most = std::max(most, force);
+        }
+      last = force;
+    }
+    EXPECT_EQ(last, 0);
+  }
 }
 
 // A lattice's margin is not the needle: on a coarse lattice with a wide one it still has places.
