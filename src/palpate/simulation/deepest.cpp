@@ -34,13 +34,13 @@ double radius_of(const std::array<Vec3, 3>& corners) noexcept {
   return radius;
 }
 
-Deepest sample(const View& view, double leaf, double more) noexcept {
-  Deepest best;
+Samples sample(const View& view, double leaf, double more) noexcept {
+  Samples out;
   double depth = 0;
   const double radius = radius_of(view.now);
   const auto deeper = [&](double bound) {
-    if (bound > std::max(more, best.depth)) return true;
-    best.bound = std::max(best.bound, bound);
+    if (bound > more) return true;
+    out.bound = std::max(out.bound, bound);
     return false;
   };
   divide(
@@ -53,10 +53,12 @@ Deepest sample(const View& view, double leaf, double more) noexcept {
         return deeper(depth + share * radius);
       },
       [&](const Vec3& w, double share) {
-        best.bound = std::max(best.bound, depth + share * radius);
-        if (depth > best.depth) best.weights = w, best.depth = depth, best.size = share;
+        out.bound = std::max(out.bound, depth + share * radius);
+        int k = 0;
+        Deepest& best = out.best[w.maxCoeff(&k) > 0.5 ? static_cast<std::size_t>(k) : 3];
+        if (depth > best.depth) best = {w, depth, share};
       });
-  return best;
+  return out;
 }
 
 Deepest sample_swept(const View& view, double leaf, double more) noexcept {

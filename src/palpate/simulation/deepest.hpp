@@ -47,15 +47,21 @@ struct View {
 struct Deepest {
   Vec3 weights = Vec3::Zero();
   double depth = -infinite;
-  double size = 0;           // of the sample it came from, share of the triangle
-  double bound = -infinite;  // of samples: nothing in the triangle is deeper
+  double size = 0;  // of the sample it came from, share of the triangle; 0: none
+};
+
+// The deepest ones at each corner of a triangle and in its middle: an edge that lies across it may go in at
+// both ends.
+struct Samples {
+  std::array<Deepest, 4> best;
+  double bound = -infinite;  // nothing in the triangle is deeper
 };
 
 // Of the ball about the middle of a triangle that holds what is between the triangle and its places, m.
 double radius_of(const std::array<Vec3, 3>& corners) noexcept;
-// The deepest of samples in parts of size `leaf`, but for where nothing is deeper than `more`, m.
-Deepest sample(const View& view, double leaf, double more) noexcept;
-// The same of what the instrument has passed through in this tick, by the samples' paths.
+// Of samples in parts of size `leaf`, but for where nothing is deeper than `more`, m.
+Samples sample(const View& view, double leaf, double more) noexcept;
+// The deepest of what the instrument has passed through in this tick, by the samples' paths.
 Deepest sample_swept(const View& view, double leaf, double more) noexcept;
 // From `best` uphill, until the steps, or what they gain, are of no account `within` m; it ends where `more`
 // is out of reach.

@@ -153,9 +153,15 @@ Deepest search(const Model& model, State& state, View& view, LookedAt& seen, boo
   const StepScratch& w = *state.scratch;
   const double longest = w.faces.faces[view.triangle].longest;
   const double leaf = view.leaf(), more = least_depth(w, view.triangle, view.instrument);
-  Deepest best = sample(view, leaf, w.tolerance);
-  double clearance = w.tolerance - best.bound;
-  if (best.size > 0) climb(view, w.tolerance, 0.1 * more, best), clearance = more - best.depth;
+  const Samples samples = sample(view, leaf, w.tolerance);
+  Deepest best;
+  for (Deepest start : samples.best) {
+    // From farther off it does not come in within its part of the triangle.
+    if (!(start.size > 0) || start.depth < -0.6 * start.size * longest) continue;
+    climb(view, std::max(w.tolerance, best.depth), 0.1 * more, start);
+    if (start.depth > best.depth) best = start;
+  }
+  double clearance = best.size > 0 ? more - best.depth : w.tolerance - samples.bound;
   seen.weights = best.size > 0 ? best.weights : Vec3(Vec3::Zero());
   swept = best.depth <= more && swept_reach(w, view.instrument) > 0;
   if (swept) {

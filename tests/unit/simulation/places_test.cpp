@@ -271,6 +271,19 @@ TEST_F(Places, WhatIsLeftIsReported) {
         }
       }
   EXPECT_LE(missed, ticks / 20);
+  // A blade's edge goes into a triangle at both ends of where it lies across it.
+  const Vec3 half(10e-3, 0.5e-3, 10e-3);
+  take(lattice_of(make_box({-half, half}), 0.25e-3), 1e-3);
+  model.settings.friction = 0;
+  State state = make_state(model);
+  for (int k = 0; k <= 50; ++k) {
+    const Input input = at(Vec3(1.78e-3, -4.08e-3, 10e-3 - 0.05e-3 * k),
+                           Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Vec3::UnitZ())));
+    step(model, state, input);
+    const double much = 1e-6 * organ_size(model) + 1e-4 * std::sqrt(2.0) * 3e-3 + 2e-3 * 0.05e-3;
+    EXPECT_LE(left_between(model, state, 0, input.instruments[0]), std::max(much, state.deepest_after) + 1e-7)
+        << k;
+  }
 }
 
 // A triangle that a grip has stretched beyond what its nodes reach at rest is seen, however old the surface
