@@ -291,8 +291,7 @@ Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weigh
   return static_cast<Index>(to);
 }
 
-void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined,
-                           bool drop) noexcept {
+void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined) noexcept {
   std::size_t missing = 0, present = 0;
   combined_ = 0;
   std::fill(wanted_.begin(), wanted_.end(), std::uint8_t{0});
@@ -306,7 +305,7 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
     }
   }
   // Every product of a solver runs over all slots: idle ones cost more than fetching them again.
-  if (used_ + missing > capacity_ || (drop && used_ > present + present / 16 + 4)) drop_unwanted();
+  if (used_ + missing > capacity_ || used_ > present + present / 16 + 4) drop_unwanted();
   const std::size_t old = used_, need = used_ + missing + combined;
   if (need > plane_ || (plane_ > least_plane && need < plane_ / 3))
     widen(std::min(first_watched_, std::max(least_plane, (need + need / 4 + 15) / 16 * 16)));

@@ -18,12 +18,11 @@ class ContactBlock {
  public:
   ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined = 0);
 
-  // Makes slots for these compliance rows, distinct, at most capacity. Rows of earlier calls stay cached;
-  // drop: while they are not too many. What is watched does not decide which rows are loadable, so of a
+  // Makes slots for these compliance rows, distinct, at most capacity. Rows of earlier calls stay cached
+  // while they are not too many. What is watched does not decide which rows are loadable, so of a
   // storage that does not mirror bits those of a loadable row depend on the earlier calls alone. combined: so
   // many slots will be asked of combine().
-  void require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined = 0,
-               bool drop = true) noexcept;
+  void require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined = 0) noexcept;
   // A slot to watch a row that has none; the one watched longest makes room. -1: there are no such slots.
   Index watch(const Compliance& compliance, Index row) noexcept;
   // A loadable slot for a point that rides on three nodes, until the next call of require(): its displacement

@@ -122,29 +122,27 @@ bool is_alone(const Model& model, const StepScratch& w, const ContactPoint& c) {
   return true;
 }
 
-void hold(const Model& model, State& state, For what) {
+void hold(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   w.wanted.clear();
   const auto want = [&](Index row) {  // there is no room for twice the same
     if (row < 0 || w.is_wanted[at(row)] || w.wanted.size() == w.block.capacity()) return;
     w.is_wanted[at(row)] = 1, w.wanted.push_back(row);
   };
-  if (what == For::loads)
-    for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
-  else
-    for (const ContactPoint& c : w.points)
-      if (c.triangle < 0)
-        want(c.row);
-      else
-        for (const Index node : model.organ.surface.triangles[at(c.triangle)])
-          want(model.organ.row_of[at(node)]);
+  for (const ContactPoint& c : w.points)
+    if (c.triangle < 0)
+      want(c.row);
+    else
+      for (const Index node : model.organ.surface.triangles[at(c.triangle)])
+        want(model.organ.row_of[at(node)]);
+  for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
   for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
-  w.block.require(w.compliance_of(model), w.wanted, what == For::points ? w.places : 0, what == For::points);
+  w.block.require(w.compliance_of(model), w.wanted, w.places);
   spread(w, state.loads, w.loaded);
   spread(w, w.before, w.loaded_before);
   for (ContactPoint& c : w.points) {
     c.slot = c.triangle < 0 ? w.block.slot_of(c.row) : -1;
-    if (c.triangle < 0 || what == For::loads) continue;
+    if (c.triangle < 0) continue;
     std::array<Index, 3> slots;
     for (std::size_t k = 0; k < 3; ++k) {
       const Index row = model.organ.row_of[at(model.organ.surface.triangles[at(c.triangle)][k])];
@@ -364,9 +362,11 @@ void detect(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
   add_grasped(model, state);
+  std::size_t lost = state.contacts.size();  // whose forces no point goes on with
   for (const Contact& c : state.contacts) {
     if (c.instrument < 0 || at(c.instrument) >= w.shapes.size() || model.settings.mode != Mode::unilateral)
       continue;
+    if (c.triangle < 0 && w.grasped[at(c.node)]) --lost;  // the grip has its force
     if (c.triangle < 0 ? w.grasped[at(c.node)] : !is_place(model, w, c)) continue;
     const std::size_t i = at(c.instrument);
     const Path path = w.sweeps[i].known ? path_from(w.shapes[i], c.from) : Path{};
@@ -377,9 +377,11 @@ void detect(const Model& model, State& state, const Surface& surface) {
       state.status |= too_many_contacts;
       continue;
     }
+    --lost;
     p->held = model.settings.friction > 0;
     p->reference = w.shapes[i].to_organ * c.touched - p->rest;
   }
+  if (lost > 0) w.moved_forces = true;
   for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
     add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
@@ -388,7 +390,6 @@ void detect(const Model& model, State& state, const Surface& surface) {
     find_candidates(model, state, surface, i, w.reach, drifted);
     find_faces(model, state, surface, i, drifted);
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
-    hold(model, state, For::loads);
     near_now(model, state, i, w.candidates, w.reach, [&](Index node, double, const Vec3& u) {
       if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });
@@ -429,7 +430,6 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (!all_near) {
       find_candidates(model, state, surface, i, -w.tolerance, drifted);
-      if (!w.candidates.empty()) hold(model, state, For::loads);
     }
     near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance,
              [&](Index node, double d, const Vec3& u) {

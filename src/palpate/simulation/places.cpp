@@ -1,229 +1,26 @@
 // Contact points between nodes, on demand. Nodes alone do not see a needle in the middle of a triangle or a
-// blade's edge across it. After a solve the deepest point of every triangle near an instrument is looked for,
-// by halving the triangle where the distance allows for a violation and climbing from the best sample; where
-// it is deeper than what the triangle's corners can see, it becomes a contact point, a *place*, that rides on
-// the three nodes by its barycentric coordinates, and the tick is solved again: the exchange method of semi-
-// infinite programming (Hettich, Kortanek, "Semi-infinite programming: theory, methods, and applications",
-// 1993). A place stays what it is while it bears a force; beside it new ones take over as the instrument
-// slides on. What was passed through wholly within a tick is found by the samples' paths.
+// blade's edge across it. After a solve the deepest point of every triangle near an instrument is looked for
+// (deepest.cpp); where it is deeper than what the triangle's corners can see, it becomes a contact point, a
+// *place*, that rides on the three nodes by its barycentric coordinates, and the tick is solved again: the
+// exchange method of semi-infinite programming (Hettich, Kortanek, "Semi-infinite programming: theory,
+// methods, and applications", 1993). From solve to solve, and from tick to tick, places slide along with the
+// instrument. What was passed through wholly within a tick is found by the samples' paths.
 #include "palpate/simulation/places.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
-#include "palpate/simulation/tick_work.hpp"
+#include "palpate/simulation/deepest.hpp"
 
 namespace palpate {
 
 namespace {
 
-// What is thicker than this share of a triangle's longest edge meets its nodes.
-constexpr double fine_enough = 0.4;
-
-}  // namespace
-
-Faces::Faces(const Organ& organ, std::span<const Instrument> instruments) {
-  const TriangleMesh& surface = organ.surface;
-  double longest = 0;
-  for (const Triangle& t : surface.triangles)
-    for (std::size_t k = 0; k < 3; ++k)
-      longest = std::max(longest,
-                         (organ.contact_points[at(t[k])] - organ.contact_points[at(t[(k + 1) % 3])]).norm());
-  for (const Instrument& i : instruments) {
-    Vec3 sides = bounding_box(i.shape).max - bounding_box(i.shape).min;
-    std::sort(sides.begin(), sides.end());
-    const double half = 0.5 * (i.tip > 0 ? i.tip : sides[1]);
-    thickness.push_back(half < fine_enough * longest ? half : 0);
-  }
-  if (std::all_of(thickness.begin(), thickness.end(), [](double t) { return t == 0; })) return;
-  begin.assign(organ.surface_size() + 1, 0), reach.assign(organ.surface_size(), 0.0f);
-  for (const Triangle& t : surface.triangles) {
-    Face face;
-    const auto corner = [&](std::size_t k) -> const Vec3& { return organ.contact_points[at(t[k % 3])]; };
-    for (std::size_t k = 0; k < 3; ++k) {
-      face.squares[static_cast<int>(k)] = (corner(k + 1) - corner(k + 2)).squaredNorm();
-      ++begin[at(t[k]) + 1];
-    }
-    face.normal = (corner(1) - corner(0)).cross(corner(2) - corner(0)).normalized();
-    face.longest = std::sqrt(face.squares.maxCoeff());
-    const double far = face.longest * (1 / std::sqrt(3.0) + felt_from);
-    for (const Index v : t) reach[at(v)] = std::max(reach[at(v)], static_cast<float>(far * (1 + 1e-6)));
-    most_reach = std::max(most_reach, far * (1 + 1e-5));
-    faces.push_back(face);
-  }
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  triangles_of.resize(3 * surface.triangles.size());
-  std::vector<Index> next(begin.begin(), begin.end() - 1);
-  for (std::size_t i = 0; i < surface.triangles.size(); ++i)
-    for (const Index v : surface.triangles[i]) triangles_of[at(next[at(v)]++)] = static_cast<Index>(i);
-}
-
-namespace {
-
 // Cosine between a shape's normal and the way into a triangle it touches.
 constexpr double least_facing = 0.3;
-constexpr double turned = 0.01;  // of a triangle's normal in a solve, beyond which it is done again
-constexpr double fine = 1e-4;    // of a triangle: how exactly the deepest point is found
-
-// A triangle as an instrument sees it.
-struct View {
-  const Faces& faces;
-  const PlacedShape& shape;
-  const Sweep& sweep;
-  std::size_t triangle, instrument;
-  std::array<Vec3, 3> now = {}, before = {};  // of the corners, organ frame, m
-
-  // Of a place there.
-  Vec3 point(const std::array<Vec3, 3>& corners, const Vec3& w) const noexcept {
-    return w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2] -
-           faces.allowance(triangle, instrument, w) * faces.faces[triangle].normal;
-  }
-  Path path(const Vec3& w) const noexcept {
-    return sweep.known ? path_from(shape, sweep.last * point(before, w)) : Path{};
-  }
-  Gap gap(const Vec3& w) const noexcept { return shape.gap(point(now, w)); }
-  // Change of the depth with each of the weights, m.
-  Vec3 rise(const Vec3& w, const Gap& g) const noexcept {
-    const Vec3 normal = g.slope * g.normal;
-    const Vec3 sink =
-        faces.allowance_gradient(triangle, instrument, w) * normal.dot(faces.faces[triangle].normal);
-    return sink - Vec3(normal.dot(now[0]), normal.dot(now[1]), normal.dot(now[2]));
-  }
-};
-
-struct Deepest {
-  Vec3 weights = Vec3::Zero();
-  double depth = -std::numeric_limits<double>::infinity();
-  double size = 0;  // of the sample it came from, share of the triangle
-};
-
-using Cell = std::array<Vec3, 3>;  // barycentric coordinates of its corners
-
-// Calls at(middle, share) for parts of the triangle of size `leaf`, a share of it, that may hold what is
-// looked for: may(middle, share) says of larger ones.
-template <class May, class At>
-void divide(const Cell& cell, double share, double leaf, const May& may, const At& at) noexcept {
-  const Vec3 middle = (cell[0] + cell[1] + cell[2]) / 3;
-  if (!may(middle, share)) return;
-  if (share <= leaf) return at(middle, share);
-  const Cell halves{(cell[1] + cell[2]) / 2, (cell[2] + cell[0]) / 2, (cell[0] + cell[1]) / 2};
-  divide(halves, share / 2, leaf, may, at);
-  for (std::size_t k = 0; k < 3; ++k)
-    divide({cell[k], halves[(k + 1) % 3], halves[(k + 2) % 3]}, share / 2, leaf, may, at);
-}
-Cell whole() { return {Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()}; }
-
-// Of the ball about the middle of a triangle that holds what is between the triangle and its places, m.
-double radius_of(const std::array<Vec3, 3>& corners) noexcept {
-  const Vec3 middle = (corners[0] + corners[1] + corners[2]) / 3;
-  double radius = 0;
-  for (const Vec3& corner : corners) radius = std::max(radius, 1.1 * (corner - middle).norm());
-  return radius;
-}
-
-// The deepest of samples, but for where nothing is deeper than `more`.
-Deepest sample(const View& view, double leaf, double more) noexcept {
-  Deepest best;
-  double depth = 0;
-  const double radius = radius_of(view.now);
-  divide(
-      whole(), 1, leaf,
-      [&](const Vec3& w, double share) {
-        depth = -view.shape.distance(view.point(view.now, w));
-        return depth + share * radius > std::max(more, best.depth);
-      },
-      [&](const Vec3& w, double share) {
-        if (depth > best.depth) best = {w, depth, share};
-      });
-  return best;
-}
-
-// The same of what the instrument has passed through in this tick, by the samples' paths.
-Deepest sample_swept(const View& view, double leaf, double more) noexcept {
-  Deepest best;
-  const double radius = std::max(radius_of(view.now), radius_of(view.before));
-  divide(
-      whole(), 1, leaf,
-      [&](const Vec3& w, double share) {
-        return passes(*view.shape.shape, view.sweep.last * view.point(view.before, w),
-                      view.shape.own(view.point(view.now, w)), share * radius);
-      },
-      [&](const Vec3& w, double share) {
-        const double depth = -gap_by_path(view.shape, view.path(w), view.point(view.now, w)).distance;
-        if (depth > std::max(more, best.depth)) best = {w, depth, share};
-      });
-  return best;
-}
-
-constexpr double at_node = 0.95;  // beyond this weight of a corner the corner itself does
-
-Vec3 within_triangle(Vec3 w) noexcept {
-  w = w.cwiseMax(0.0) / w.cwiseMax(0.0).sum();
-  int k = 0;
-  if (w.maxCoeff(&k) <= at_node) return w;
-  const double others = 1 - w[k];
-  for (int l = 0; l < 3; ++l)
-    if (l != k) w[l] = (1 - at_node) * (others > 1e-9 ? w[l] / others : 0.5);
-  w[k] = at_node;
-  return w;
-}
-
-// Compass search (Kolda, Lewis, Torczon 2003) from the best sample, along edges that rise, to steps of
-// `fine`; it ends where `more` is out of reach.
-void climb(const View& view, double more, Deepest& best) noexcept {
-  const double longest = view.faces.faces[view.triangle].longest;
-  best.weights = within_triangle(best.weights);
-  Gap gap = view.gap(best.weights);
-  Vec3 rise = view.rise(best.weights, gap);
-  best.depth = -gap.distance;
-  double step = 0.5 * best.size;
-  for (int k = 0; k < 100 && step > fine && best.depth + 3 * step * longest > more; ++k) {
-    Deepest next = best;
-    Gap next_gap;
-    for (int a = 0; a < 3; ++a) {
-      const int b = (a + 1) % 3;
-      const double sign = rise[a] > rise[b] ? 1 : -1;
-      Vec3 w = best.weights;
-      w[a] += sign * step, w[b] -= sign * step;
-      w = within_triangle(w);
-      if (w == best.weights) continue;
-      gap = view.gap(w);
-      if (-gap.distance > next.depth) next = {w, -gap.distance, step}, next_gap = gap;
-    }
-    if (next.depth > best.depth)
-      best = next, rise = view.rise(best.weights, next_gap);
-    else
-      step *= 0.3;
-  }
-}
-
-}  // namespace
-
-void find_faces(const Model& model, State& state, const Surface& surface, std::size_t instrument,
-                double drifted) {
-  StepScratch& w = *state.scratch;
-  if (w.faces.empty() || w.faces.thickness[instrument] == 0) return;
-  std::vector<Index>& found = w.near_faces[instrument];
-  found.clear();
-  ++w.faces_number;
-  const double slack = w.reach + w.tolerance, swept = w.sweeps[instrument].reach;
-  near_nodes(*surface.clusters, surface.bounds, surface.positions, w.shapes[instrument],
-             w.faces.most_reach + slack + swept, drifted, [&](Index node, double d) {
-               const double near = static_cast<double>(w.faces.reach[at(node)]) + slack;
-               if (!may_meet(w, surface, instrument, node, d, near, drifted)) return;
-               for (Index k = w.faces.begin[at(node)]; k < w.faces.begin[at(node) + 1]; ++k) {
-                 const Index triangle = w.faces.triangles_of[at(k)];
-                 if (std::exchange(w.face_number[at(triangle)], w.faces_number) == w.faces_number) continue;
-                 found.push_back(triangle);
-                 for (const Index corner : model.organ.surface.triangles[at(triangle)])
-                   if (model.organ.row_of[at(corner)] >= 0) add_near(w, corner);
-               }
-             });
-  std::sort(found.begin(), found.end());  // as its order decides bits
-}
-
-namespace {
+// Of half the instrument's thickness: when it moves by less, its places of the last tick will do for a start.
+constexpr double hardly_moved = 0.25;
+constexpr double met = 0.005;  // of a triangle: places that slide so near to each other are one
 
 std::array<Vec3, 3> corners_at(const Model& model, std::size_t triangle, auto&& u_of) {
   std::array<Vec3, 3> out;
@@ -235,44 +32,88 @@ std::array<Vec3, 3> corners_at(const Model& model, std::size_t triangle, auto&& 
   return out;
 }
 
-// Beside an anchor a place could hardly give way.
-bool is_free(const Model& model, const StepScratch& w, std::size_t triangle) {
-  const Triangle& nodes = model.organ.surface.triangles[triangle];
-  return std::none_of(nodes.begin(), nodes.end(),
-                      [&](Index node) { return w.grasped[at(node)] || model.organ.row_of[at(node)] < 0; });
+// Under the last tick's loads.
+std::array<Vec3, 3> corners_before(const Model& model, State& state, std::size_t triangle) {
+  StepScratch& w = *state.scratch;
+  return corners_at(model, triangle, [&](Index node) {
+    if (std::exchange(w.u_before_number[at(node)], w.ticks) != w.ticks)
+      w.u_before[at(node)] = displacement_before(model, state, node);
+    return w.u_before[at(node)];
+  });
 }
 
-// What counts as reaching into a triangle, m: a hundredth of the tick's motion. The more often it was looked
-// for in this tick, the more is left to the next.
+std::array<Vec3, 3> corners_now(const Model& model, State& state, std::size_t triangle) {
+  return corners_at(model, triangle, [&](Index node) { return displacement(model, state, node); });
+}
+
+// A grasped node goes with the grip.
+bool is_free(const Model& model, const StepScratch& w, std::size_t triangle) {
+  const Triangle& nodes = model.organ.surface.triangles[triangle];
+  return std::none_of(nodes.begin(), nodes.end(), [&](Index node) { return w.grasped[at(node)] != 0; });
+}
+
+// What counts as reaching into a triangle, m: a thousandth of the tick's motion.
 double least_depth(const StepScratch& w, std::size_t triangle, std::size_t instrument) {
-  return w.tolerance + (2 * fine * w.faces.faces[triangle].longest + 0.01 * w.sweeps[instrument].way) *
-                           static_cast<double>(1 << std::min(w.round, 4));
+  return w.tolerance + fine * w.faces.faces[triangle].longest + 0.002 * w.sweeps[instrument].way;
+}
+
+// What counts as a turn of a place's facing: as exact as the solver is with nodes, and what a motion by a
+// triangle's edge allows for.
+double least_turn(const StepScratch& w, std::size_t triangle, std::size_t instrument) {
+  return 1e-3 + 0.06 * std::min(1.0, w.sweeps[instrument].way / w.faces.faces[triangle].longest);
 }
 
 Vec3 inwards(const std::array<Vec3, 3>& corners) {
   return (corners[2] - corners[0]).cross(corners[1] - corners[0]).normalized();
 }
 
-Vec3 inwards_now(const Model& model, State& state, const ContactPoint& c) {
-  return inwards(
-      corners_at(model, at(c.triangle), [&](Index node) { return displacement(model, state, node); }));
+constexpr double on_edge = 1e-3;  // weight of a corner, below which a place is on the edge opposite to it
+
+struct Facing {
+  Vec3 into = Vec3::Zero();  // the organ, unit; 0: the triangle has shrunk to nothing
+  bool ridge = false;        // on an edge that stands out: the same place for both its triangles
+};
+
+// Which way the force at a place goes. In a triangle and in a valley along the triangle's normal, as a plane
+// and a tip have no other in common. On an edge that stands out it is the instrument's normal, which turns
+// from one triangle's to the other's as a tip goes over the edge. u_of(node): displacements, of which the
+// corners are.
+template <class Displacement>
+Facing facing_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
+                 const Vec3& weights, const std::array<Vec3, 3>& corners, const Displacement& u_of) noexcept {
+  Facing out{inwards(corners)};
+  int k = 0;
+  if (weights.minCoeff(&k) >= on_edge || w.faces.faces[triangle].beside[at(k)] < 0) return out;
+  const auto other = at(w.faces.faces[triangle].beside[at(k)]);
+  const std::array<Vec3, 3> beyond = corners_at(model, other, u_of);
+  const Vec3 far = beyond[0] + beyond[1] + beyond[2] - corners[at((k + 1) % 3)] - corners[at((k + 2) % 3)];
+  if ((far - corners[at((k + 1) % 3)]).dot(out.into) <= 0) return out;
+  out.ridge = true;
+  const Vec3 edge = (corners[at((k + 2) % 3)] - corners[at((k + 1) % 3)]).normalized();
+  const Vec3 into = inwards(beyond);
+  const Vec3 p = weights[0] * corners[0] + weights[1] * corners[1] + weights[2] * corners[2] -
+                 w.faces.allowance(triangle, instrument, weights) * w.faces.faces[triangle].normal;
+  Vec3 between = w.shapes[instrument].gap(p).normal;
+  between -= between.dot(edge) * edge;
+  const double turn = out.into.cross(into).dot(edge);
+  if (!(between.dot(out.into + into) > 0) || out.into.cross(between).dot(edge) * turn <= 0) return out;
+  out.into = between.cross(into).dot(edge) * turn <= 0 ? into : Vec3(between.normalized());
+  return out;
 }
 
 // How far a point in the solid is from being out of it along a way, m; infinite: farther than `most`.
 double way_out(const PlacedShape& shape, const Vec3& p, const Vec3& along, double most) noexcept {
-  double in = 0, out = 0;
-  for (int k = 0; k < 40 && out <= most; ++k) {
-    const double d = shape.distance(p + out * along);
-    if (d >= 0) {
-      for (int i = 0; i < 20; ++i) {
-        const double middle = (in + out) / 2;
-        (shape.distance(p + middle * along) < 0 ? in : out) = middle;
-      }
-      return out;
-    }
-    in = out, out += std::max(-d, 0.02 * most);
+  double out = 0, d = shape.distance(p);
+  const auto go = [&] { d = shape.distance(p + (out += std::max(std::abs(d), 0.02 * most)) * along); };
+  for (int k = 0; k < 40 && d >= 0 && out <= most; ++k) go();  // to the solid, from its other side
+  double in = out;
+  for (int k = 0; k < 40 && d < 0 && out <= most; ++k) in = out, go();
+  if (d < 0 || out > most) return infinite;
+  for (int i = 0; i < 20; ++i) {
+    const double middle = (in + out) / 2;
+    (shape.distance(p + middle * along) < 0 ? in : out) = middle;
   }
-  return std::numeric_limits<double>::infinity();
+  return out;
 }
 
 // The plane that stands for an instrument at a place: what touches a triangle is on the side it faces. False
@@ -282,9 +123,11 @@ bool take_plane(const StepScratch& w, const Vec3& facing, ContactPoint& c) noexc
   const PlacedShape& shape = w.shapes[at(c.instrument)];
   if (!(facing.squaredNorm() > 0.5)) return false;  // the triangle has shrunk to nothing
   const Vec3 p = c.rest + c.u;
-  Gap g = gap_by_path(shape, c.path, p);
+  Gap g = shape.gap(p);
   double along = g.normal.dot(facing);
-  if (along < least_facing && g.distance < 0) {
+  if (along < least_facing) g = gap_by_path(shape, c.path, p), along = g.normal.dot(facing);
+  if (along < least_facing &&
+      (g.distance < 0 || (c.path.known && passes(*shape.shape, c.path.from, shape.own(p), 0)))) {
     const bool pierced = shape.distance(p) < -0.5 * w.faces.thickness[at(c.instrument)];
     const double most =
         2 * w.sweeps[at(c.instrument)].way + (pierced ? w.faces.faces[at(c.triangle)].longest : 0);
@@ -296,36 +139,99 @@ bool take_plane(const StepScratch& w, const Vec3& facing, ContactPoint& c) noexc
   return true;
 }
 
+// Of a climb from where the deepest point was, a share of the triangle: less and less moves from round to
+// round.
+double first_step(const StepScratch& w) { return w.round == 0 ? 0.25 : w.round == 1 ? 0.1 : 0.03; }
+
+// How a triangle is looked at: whole, by all it may have met on its way too; or from the deepest point that
+// was found in this tick.
+enum class Look { whole, again };
+
+// The deepest point of a triangle; swept: it is known by the way it came there alone.
+Deepest search(const Model& model, State& state, View& view, LookedAt& seen, bool& swept) {
+  const StepScratch& w = *state.scratch;
+  const double longest = w.faces.faces[view.triangle].longest;
+  const double leaf = view.leaf(), more = least_depth(w, view.triangle, view.instrument);
+  const Samples samples = sample(view, leaf, w.tolerance);
+  Deepest best;
+  for (Deepest start : samples.best) {
+    // From farther off it does not come in within its part of the triangle.
+    if (!(start.size > 0) || start.depth < -0.6 * start.size * longest) continue;
+    climb(view, std::max(w.tolerance, best.depth), 0.1 * more, start);
+    if (start.depth > best.depth) best = start;
+  }
+  double clearance = best.size > 0 ? more - best.depth : w.tolerance - samples.bound;
+  seen.weights = best.size > 0 ? best.weights : Vec3(Vec3::Zero());
+  swept = best.depth <= more && swept_reach(w, view.instrument) > 0;
+  if (swept) {
+    view.before = corners_before(model, state, view.triangle);
+    const double slack = 0.1 * longest, radius = std::max(radius_of(view.now), radius_of(view.before));
+    const Vec3 middle = Vec3::Constant(1.0 / 3);
+    if (!passes(*view.shape.shape, view.sweep.last * view.point(view.before, middle),
+                view.shape.own(view.point(view.now, middle)), radius + slack)) {
+      swept = false, clearance = std::min(clearance, slack);
+    } else {
+      clearance = -1;
+      const Deepest passed = sample_swept(view, leaf, more);
+      if (passed.size > 0)
+        best = passed;
+      else
+        swept = false;
+    }
+  }
+  seen.corners = view.now, seen.tick = w.ticks;
+  seen.clearance = clearance / 1.1;  // an interpolated distance changes by hardly more than the way
+  return best;
+}
+
+// It slips from where it was on the instrument.
+void slip_from(const Model& model, const View& view, ContactPoint& c) {
+  c.path = view.path(c.weights);
+  if (!view.sweep.known || !(model.settings.friction > 0)) return;
+  c.held = true;
+  c.reference = view.shape.to_organ * (view.sweep.last * view.point(view.before, c.weights)) - c.rest;
+}
+
+// A place of the same instrument so near in the same triangle, or beyond its edges, if there is one.
+ContactPoint* place_beside(StepScratch& w, const ContactPoint& c, double near, bool beyond) {
+  const auto found = std::find_if(w.points.begin(), w.points.end(), [&](const ContactPoint& other) {
+    return (beyond ? other.triangle >= 0 : other.triangle == c.triangle) &&
+           other.instrument == c.instrument && other.weights != Vec3::Zero() &&
+           (other.rest - c.rest).norm() <= near;
+  });
+  return found == w.points.end() ? nullptr : &*found;
+}
+
 // Where an instrument reaches deepest into a triangle, if it does.
-bool find_place(const Model& model, State& state, View& view, ContactPoint& c) {
+bool find_place(const Model& model, State& state, View& view, Look look, ContactPoint& c) {
   StepScratch& w = *state.scratch;
   const Face& face = w.faces.faces[view.triangle];
   const double more = least_depth(w, view.triangle, view.instrument);
-  const double leaf = std::clamp(2 * w.faces.thickness[view.instrument] / face.longest, 1.0 / 32, 0.5);
-  view.now = corners_at(model, view.triangle, [&](Index node) { return displacement(model, state, node); });
-  const auto look_back = [&] {
-    view.before =
-        corners_at(model, view.triangle, [&](Index node) { return displacement_before(model, state, node); });
-  };
-  Deepest best = sample(view, leaf, more);
-  if (best.size > 0) climb(view, more, best);
-  const bool swept = best.depth <= more && view.sweep.reach > 0;
-  if (swept) look_back(), best = sample_swept(view, leaf, more);
-  if (best.depth <= more) return false;
-  if (!swept) look_back();
+  LookedAt& seen = w.looked_at[view.instrument * w.faces.faces.size() + view.triangle];
+  const bool known = seen.tick == w.ticks;
+  if (look == Look::again && (!known || seen.weights == Vec3::Zero())) return false;
+  view.now = corners_now(model, state, view.triangle);
+  double moved = 0;
+  for (std::size_t k = 0; k < 3; ++k) moved = std::max(moved, (view.now[k] - seen.corners[k]).norm());
+  if (known && moved < seen.clearance) return false;
+  bool swept = false;
+  Deepest best{seen.weights, -infinite, first_step(w)};
+  if (look == Look::whole)
+    best = search(model, state, view, seen, swept);
+  else
+    climb(view, more, 0.1 * more, best), seen.weights = best.weights;
+  if (!(best.depth > w.tolerance)) return false;
+  if (!swept) view.before = corners_before(model, state, view.triangle);
   c = place_at(model, w, view.triangle, view.instrument, best.weights);
   c.u = view.point(view.now, best.weights) - c.rest;
-  c.path = view.path(best.weights);
-  const Vec3 facing = inwards(view.now);
-  if (facing.dot(face.normal) > -least_facing || !take_plane(w, facing, c)) return false;
-  if (view.sweep.known && model.settings.friction > 0) {  // it slips from where it was on the instrument
-    c.held = true;
-    c.reference = view.shape.to_organ * (view.sweep.last * view.point(view.before, best.weights)) - c.rest;
-  }
-  return std::none_of(w.points.begin(), w.points.end(), [&](const ContactPoint& other) {
-    return other.triangle >= 0 && other.instrument == c.instrument &&
-           (other.rest - c.rest).norm() <= (swept ? leaf : 2 * fine) * face.longest;
-  });
+  slip_from(model, view, c);
+  const Facing facing = facing_at(model, w, view.triangle, view.instrument, c.weights, view.now,
+                                  [&](Index node) { return displacement(model, state, node); });
+  if (facing.into.dot(face.normal) > -least_facing || !take_plane(w, facing.into, c)) return false;
+  const double depth = -(c.offset + c.tilt * c.facing.dot(c.u));
+  const bool is_new = !place_beside(w, c, (swept ? view.leaf() : 2 * fine) * face.longest, facing.ridge);
+  if (is_new || !swept) w.left = std::max(w.left, depth);
+  return depth > more && is_new;
 }
 
 }  // namespace
@@ -356,66 +262,179 @@ bool lies_on(const Model& model, const StepScratch& w, std::size_t instrument, s
   });
 }
 
-void face_places(const Model& model, State& state) {
+void displace_points(State& state) {
   StepScratch& w = *state.scratch;
-  for (ContactPoint& c : w.points)
-    if (c.triangle >= 0 && !take_plane(w, inwards_now(model, state, c), c) &&
-        c.tilt == 0)  // else it keeps what it had
-      c.facing = Vec3::UnitZ(), c.tilt = 1, c.offset = w.size - c.u.z();
+  if (!std::exchange(w.moved_forces, false)) return;
+  std::size_t n = 0;
+  for (const ContactPoint& c : w.points)
+    if (c.force != Vec3::Zero()) w.point_slots[n] = c.slot, w.point_forces[n++] = c.force;
+  w.block.displacements({w.point_slots.data(), n}, {w.point_forces.data(), n}, w.placed_u);
+  for (ContactPoint& c : w.points) c.u = w.block.in_planes<double>(w.placed_u, c.slot);
 }
 
+namespace {
+
+template <class Idle>
+void erase_places(const Model& model, StepScratch& w, const Idle& idle) {
+  const std::size_t erased =
+      std::erase_if(w.points, [&](const ContactPoint& c) { return c.triangle >= 0 && idle(c); });
+  if (erased == 0) return;
+  w.places -= erased;
+  for (std::size_t k = w.points.size(); k-- > 0;)
+    if (const ContactPoint& c = w.points[k]; c.triangle < 0)
+      w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)] = static_cast<Index>(k);
+}
+
+// Places go along with their instruments, each to the deepest point of its triangle where that is by
+// u_of(node). Where the instrument has left the triangle, and where two meet, they end. True when any moved.
+template <class Displacement>
+bool slide_places(const Model& model, State& state, const Displacement& u_of) {
+  StepScratch& w = *state.scratch;
+  bool any = false;
+  for (ContactPoint& c : w.points) {
+    if (c.triangle < 0) continue;
+    View view{w.faces, w.shapes[at(c.instrument)], w.sweeps[at(c.instrument)], at(c.triangle),
+              at(c.instrument)};
+    view.now = corners_at(model, view.triangle, u_of);
+    Deepest best{c.weights, -infinite, first_step(w)};
+    const double depth = -view.shape.distance(view.point(view.now, c.weights));
+    const double within = 0.1 * least_depth(w, view.triangle, view.instrument);
+    climb(view, -infinite, within, best);
+    const bool moves = best.depth > depth + within;
+    ContactPoint moved = c;
+    if (moves) {
+      view.before = corners_before(model, state, view.triangle);
+      moved = place_at(model, w, view.triangle, view.instrument, best.weights);
+      moved.u = view.point(corners_now(model, state, view.triangle), best.weights) - moved.rest;
+      moved.force = c.force;
+      slip_from(model, view, moved);
+    }
+    const bool off = best.weights.minCoeff() < 1e-3 || best.weights.maxCoeff() >= at_node;
+    const bool left = moves && w.round == 0 && off && -best.depth > 0.25 * view.sweep.way;
+    const bool ridge =
+        facing_at(model, w, view.triangle, view.instrument, moved.weights, view.now, u_of).ridge;
+    c.triangle = -1;  // not there itself
+    ContactPoint* other = place_beside(w, moved, met * w.faces.faces[view.triangle].longest, ridge);
+    if (other) other->force += c.force;
+    any = any || moves || other;
+    c = moved;
+    if (other || left) c.weights = Vec3::Zero();
+  }
+  erase_places(model, w, [](const ContactPoint& c) { return c.weights == Vec3::Zero(); });
+  return any;
+}
+
+// Where a node is taken to be in a round: from the third on, where the solves swing from side to side, a
+// share of the way to where it is, by Aitken's estimate from its last two swings (as in ContactSolver::calm).
+const Vec3& seen(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  StepScratch::Seen& s = w.seen[at(node)];
+  const std::uint64_t round = 64 * w.ticks + static_cast<std::uint64_t>(w.round);
+  const std::uint64_t last = std::exchange(s.round, round);
+  if (last == round) return s.u;
+  const Vec3& u = displacement(model, state, node);
+  if (last / 64 != w.ticks) {
+    s.u = u, s.change = Vec3::Zero(), s.share = 1;
+    return s.u;
+  }
+  const Vec3 r = u - s.u, d = r - s.change;
+  s.share = r.dot(s.change) < 0 ? std::clamp(-s.share * s.change.dot(d) / d.squaredNorm(), 0.1, 1.0)
+                                : std::min(1.0, 2 * s.share);
+  s.u += s.share * r, s.change = r;
+  return s.u;
+}
+
+}  // namespace
+
+namespace {
+
+// Whether places with a force are off their planes by now.
 bool places_are_off(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   for (const ContactPoint& c : w.points) {
     if (c.triangle < 0 || c.force == Vec3::Zero()) continue;
     ContactPoint now = c;
-    if (!take_plane(w, inwards_now(model, state, c), now)) continue;
-    const double off = now.offset + now.tilt * now.facing.dot(c.u) - c.gap;
+    const Facing facing = facing_at(model, w, at(c.triangle), at(c.instrument), c.weights,
+                                    corners_now(model, state, at(c.triangle)),
+                                    [&](Index node) { return displacement(model, state, node); });
+    if (!take_plane(w, facing.into, now)) continue;
+    const double gap = now.offset + now.tilt * now.facing.dot(c.u), off = gap - c.gap;
+    w.left = std::max(w.left, -gap);
     if (std::abs(off) > least_depth(w, at(c.triangle), at(c.instrument)) ||
-        (now.facing - c.facing).norm() > turned * (1 << std::min(w.round, 4)))
+        (now.facing - c.facing).norm() > least_turn(w, at(c.triangle), at(c.instrument)))
       return true;
   }
   return false;
 }
 
+// Of one instrument. True when there were any.
+bool add_places_of(const Model& model, State& state, std::size_t instrument, Look look, bool early) {
+  StepScratch& w = *state.scratch;
+  bool added = false;
+  for (const Index triangle : w.near_faces[instrument]) {
+    View view{w.faces, w.shapes[instrument], w.sweeps[instrument], at(triangle), instrument};
+    ContactPoint c;
+    if (early && lies_on(model, w, instrument, view.triangle)) continue;
+    if (!is_free(model, w, view.triangle) || !find_place(model, state, view, look, c)) continue;
+    if (w.places == most_places || !has_room(w, 3)) {
+      state.status |= too_many_contacts;
+      continue;
+    }
+    w.points.push_back(c);
+    ++w.places;
+    added = true;
+  }
+  return added;
+}
+
+}  // namespace
+
+void face_places(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  if (w.places == 0) return;
+  const auto u_of = [&](Index node) { return seen(model, state, node); };
+  if (w.round > 0 && slide_places(model, state, u_of)) w.moved_forces = true;
+  for (ContactPoint& c : w.points) {
+    if (c.triangle < 0) continue;
+    const View view{w.faces, w.shapes[at(c.instrument)], w.sweeps[at(c.instrument)], at(c.triangle),
+                    at(c.instrument)};
+    const std::array<Vec3, 3> corners = corners_at(model, view.triangle, u_of);
+    const Vec3 u = std::exchange(c.u, view.point(corners, c.weights) - c.rest);
+    const Facing facing = facing_at(model, w, view.triangle, view.instrument, c.weights, corners, u_of);
+    if (!take_plane(w, facing.into, c) && c.tilt == 0)  // else it keeps what it had
+      c.facing = Vec3::UnitZ(), c.tilt = 1, c.offset = w.size - c.u.z();
+    c.u = u;
+  }
+}
+
 void drop_idle_places(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   if (w.places <= most_places / 2) return;
-  w.places -= std::erase_if(w.points,
-                            [](const ContactPoint& c) { return c.triangle >= 0 && c.force == Vec3::Zero(); });
-  for (std::size_t k = w.points.size(); k-- > 0;)
-    if (const ContactPoint& c = w.points[k]; c.triangle < 0)
-      w.point_of[at(c.instrument) * model.organ.surface_size() + at(c.node)] = static_cast<Index>(k);
+  erase_places(model, w, [](const ContactPoint& c) { return c.force == Vec3::Zero(); });
 }
 
 bool add_places(const Model& model, State& state, const Surface& surface, bool early) {
   StepScratch& w = *state.scratch;
   if (w.faces.empty() || model.settings.mode != Mode::unilateral) return false;
   const double drifted = drift(model, state, surface);
+  w.left = 0;
+  if (early)
+    w.moved_forces = slide_places(model, state, [&](Index node) { return displacement(model, state, node); });
   const bool found = (drifted - w.drifted_before) * w.softest <= w.reach;  // all, by detect()
   bool added = false;
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (w.faces.thickness[i] == 0) continue;
     if (!found) {
       find_faces(model, state, surface, i, drifted);
-      hold(model, state, For::loads);
     }
-    for (const Index triangle : w.near_faces[i]) {
-      View view{w.faces, w.shapes[i], w.sweeps[i], at(triangle), i};
-      ContactPoint c;
-      if (w.faces.thickness[i] >= fine_enough * w.faces.faces[view.triangle].longest) continue;
-      if (early && lies_on(model, w, i, view.triangle)) continue;
-      if (!is_free(model, w, view.triangle) || !find_place(model, state, view, c)) continue;
-      if (w.places == most_places || !has_room(w, 3)) {
-        state.status |= too_many_contacts;
-        continue;
-      }
-      w.points.push_back(c);
-      ++w.places;
-      added = true;
-    }
+    if (!early) added = add_places_of(model, state, i, Look::again, early) || added;
   }
-  return added;
+  const bool off = !early && places_are_off(model, state);
+  if (added || (off && w.round % 3 != 0)) return true;  // there is more to come
+  for (std::size_t i = 0; i < w.shapes.size(); ++i)
+    if (w.faces.thickness[i] > 0 && !(early && w.sweeps[i].way <= hardly_moved * w.faces.thickness[i]))
+      added = add_places_of(model, state, i, Look::whole, early) || added;
+  return added || off;
 }
 
 }  // namespace palpate

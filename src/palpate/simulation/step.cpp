@@ -56,7 +56,7 @@ State make_state(const Model& model) {
   state.loads = Loads(s);
   state.contacts.reserve(std::max(capacity, s));
   state.wrenches.assign(instruments, Wrench{});
-  state.scratch.reset(new StepScratch(model, capacity));
+  state.scratch.reset(new StepScratch(model, capacity, *state.surface.clusters));
   StepScratch& w = *state.scratch;
   std::vector<Index> anchored;
   for (std::size_t i = 0; i < s; ++i)
@@ -70,7 +70,6 @@ State make_state(const Model& model) {
   w.before = Loads(s);
   w.earlier = Loads(s), w.earlier.u_known = false;
   w.earlier_of.assign(organ.compliance.nodes(), -1);
-  w.start_force.resize(capacity), w.start_u.resize(capacity);
   state.placed.reserve(instruments);
   w.points.reserve(capacity);
   w.point_of.assign(s * instruments, -1);
@@ -83,7 +82,11 @@ State make_state(const Model& model) {
   w.is_wanted.assign(organ.compliance.nodes(), 0);
   w.near_faces.resize(w.faces.empty() ? 0 : instruments);
   for (std::vector<Index>& faces : w.near_faces) faces.reserve(organ.surface.triangles.size());
-  w.face_number.assign(w.faces.faces.size(), 0);
+  w.u_before.assign(w.faces.empty() ? 0 : s, Vec3::Zero());
+  w.u_before_number.assign(w.u_before.size(), 0);
+  w.looked_at.resize(instruments * w.faces.faces.size());
+  w.seen.resize(w.u_before.size());
+  w.point_slots.resize(capacity), w.point_forces.resize(capacity), w.placed_u.resize(3 * w.block.most_plane());
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
   w.u_known.assign(s, Vec3::Zero());
@@ -157,32 +160,28 @@ void take_loads(const Model& model, State& state) {
   }
 }
 
-// How far the tick's forces have come from those it began with adds to what any node may have moved.
-void travel(State& state) {
+// How far the tick's forces have come in a round adds to what any node may have moved: at most as far as from
+// the last tick's and back to where the round before had come.
+void travel(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
-  double energy = 0, work = 0;
-  for (std::size_t i = 0; i < w.points.size(); ++i) {
-    const ContactPoint& c = w.points[i];
-    energy += (c.force - w.start_force[i]).dot(c.u - w.start_u[i]);
-    work += std::abs(c.force.dot(c.u));
-  }
-  w.travelled += std::sqrt(std::max(0.0, energy) + hidden * work);
+  const double come = w.before.u_known ? drift(model, state, w.before) : std::sqrt(state.loads.work());
+  w.travelled += come + std::exchange(w.come, come);
 }
+
+constexpr int most_rounds = 20;
 
 // Solves until the forces swallow no other node, and no instrument reaches into a triangle between nodes.
 void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations, false, true};
   SolveResult result;
-  w.round = 0;
+  w.round = 0, w.left = 0, w.come = 0;
   if (w.places > 0) add_places(model, state, surface, true);  // where instruments went on
-  for (; w.round < 10; ++w.round) {
+  for (; w.round < most_rounds; ++w.round) {
     face_places(model, state);
-    hold(model, state, For::points);
-    for (std::size_t i = 0; i < w.points.size(); ++i) {
-      w.start_force[i] = w.points[i].force, w.start_u[i] = w.points[i].u;
-      w.points[i].foreseen.setZero();
-    }
+    hold(model, state);
+    displace_points(state);
+    for (ContactPoint& c : w.points) c.foreseen.setZero();
     limits.exact = state.loads.number % exact_every == 0 || model.settings.mode != Mode::unilateral;
     limits.predicted = w.round == 0 && model.settings.mode == Mode::unilateral && predict(model, state);
     if (!w.points.empty())
@@ -193,11 +192,10 @@ void solve(const Model& model, State& state, const Surface& surface) {
       result.converged = true;
     state.relinearisations += result.relinearisations;
     limits.max_relinearisations -= result.relinearisations;
-    travel(state);
     take_loads(model, state);
+    travel(model, state);
     drop_idle_places(model, state);
-    if (!add_swallowed(model, state, surface) && !add_places(model, state, surface) &&
-        !places_are_off(model, state)) {
+    if (!add_swallowed(model, state, surface) && !add_places(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;
     }
@@ -209,6 +207,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
 // Contacts in the world, and what the instruments feel.
 void report(State& state, const Input& input) {
   StepScratch& w = *state.scratch;
+  state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
   for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
@@ -248,6 +247,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
     return;
   }
   state.status = status_ok;
+  ++state.scratch->ticks;
   state.deepest_before = state.deepest_after = 0;
   state.organ = normalized(input.organ);
   place(model, state, input);

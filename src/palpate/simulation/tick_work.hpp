@@ -32,7 +32,7 @@ struct Sweep {
 };
 
 struct StepScratch {
-  StepScratch(const Model& model, std::size_t most)
+  StepScratch(const Model& model, std::size_t most, const Clusters& clusters)
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
               compliance.nodes(), std::min(most_places, most / 3)),
@@ -40,7 +40,7 @@ struct StepScratch {
         deformer(model.organ),
         capacity(most),
         compliance_rows(9 * most),
-        faces(model.organ, model.instruments) {}
+        faces(model.organ, model.instruments, clusters) {}
 
   // The model's own, in case another organ has been put into it since.
   const Compliance& compliance_of(const Model& model) const {
@@ -59,7 +59,6 @@ struct StepScratch {
   Loads before;                            // of the last tick
   Loads earlier;                           // of the one before
   std::vector<Index> earlier_of;           // of each row of the compliance: which of them it is, -1: none
-  std::vector<Vec3> start_force, start_u;  // of each point before the solver, N, m
   double ahead = 0;  // the instruments' motion in this tick as a share of that in the last; 0: not known
   std::vector<ContactPoint> points;     // may touch in this tick
   std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
@@ -75,6 +74,7 @@ struct StepScratch {
   std::vector<Vec3> u_known;
   std::vector<double> travelled_then;
   double travelled = 0;  // sum of sqrt(df.C df) over all changes of the loads, sqrt J
+  double come = 0;       // of that from the last tick's loads to the last round's
   // Loads as the block takes them.
   struct Spread {
     std::vector<Index> slots;
@@ -82,20 +82,32 @@ struct StepScratch {
     bool loadable = false;  // all of them
   };
   Spread loaded, loaded_before;        // state.loads, before
-  std::vector<double> placed_u;        // of each slot, in planes
   std::vector<float> compliance_rows;  // of a node without a slot
   std::vector<float> softness;         // of each node: Clusters::softness
   Faces faces;
   int round = 0;                               // of the tick's solves
   std::size_t places = 0;                      // among the points
   std::vector<std::vector<Index>> near_faces;  // of each instrument: triangles it may reach into
-  std::vector<std::uint64_t> face_number;      // of each triangle: of the list it is in
-  std::uint64_t faces_number = 0;              // of the last list
-  std::vector<std::uint8_t> is_wanted;         // of each row: in hold(), let_go()
-  double softest = 0;                          // the largest of these
-  double drifted_before = 0;                   // from the surface to the last tick's loads, sqrt J
-  double sprung = 0;                           // from these to the tick's own so far, sqrt J
-  double size = 0, tolerance = 0, reach = 0;   // m
+  std::vector<LookedAt> looked_at;             // [instrument * faces + triangle]
+  std::vector<Vec3> u_before;                  // of each node under the last tick's loads, m; right in
+  std::vector<std::uint64_t> u_before_number;  // the tick of the same number:
+  struct Seen {
+    Vec3 u = Vec3::Zero(), change = Vec3::Zero();  // m
+    double share = 1;
+    std::uint64_t round = 0;  // of all ticks
+  };
+  std::vector<Seen> seen;  // of each node: where the places' planes are taken
+  std::uint64_t ticks = 0;
+  bool moved_forces = false;  // forces have moved or gone without the solver since the points were displaced
+  std::vector<Index> point_slots;  // of the points with a force
+  std::vector<Vec3> point_forces;  // and these, N
+  std::vector<double> placed_u;    // of each slot, in planes
+  double left = 0;                 // m: how deep instruments reach into triangles after a solve
+  std::vector<std::uint8_t> is_wanted;        // of each row: in hold(), let_go()
+  double softest = 0;                         // the largest softness
+  double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
+  double sprung = 0;                          // from these to the tick's own so far, sqrt J
+  double size = 0, tolerance = 0, reach = 0;  // m
 };
 
 inline Pose normalized(Pose p) {
@@ -107,10 +119,8 @@ inline Pose normalized(Pose p) {
 
 // Puts the instruments where the input says, and remembers how they came there.
 void place(const Model& model, State& state, const Input& input);
-// Gives slots in the contact block to the loads (while nodes are looked for) or to the points (when these are
-// solved for).
-enum class For { loads, points };
-void hold(const Model& model, State& state, For what);
+// Gives slots in the contact block to the points and the loads.
+void hold(const Model& model, State& state);
 void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread);
 void forget_near(StepScratch& w);
 void add_near(StepScratch& w, Index node);
@@ -152,18 +162,26 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface);
 // A place on a triangle, without displacement, path and force.
 ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
                       const Vec3& weights);
+// How near an instrument was to what it may have passed through between nodes, m; 0: nothing. What is thicker
+// than its way goes through nothing.
+inline double swept_reach(const StepScratch& w, std::size_t instrument) {
+  const Sweep& s = w.sweeps[instrument];
+  return s.way > w.faces.thickness[instrument] ? s.reach : 0.0;
+}
 // Triangles an instrument may come to reach into in this tick, under displacements that drift so far from the
 // surface; their nodes are near.
 void find_faces(const Model& model, State& state, const Surface& surface, std::size_t instrument,
                 double drifted);
 // Takes the planes that stand for the instruments at the places, where these are now.
 void face_places(const Model& model, State& state);
-// Whether places with a force are off them by now, so that they should be taken again.
-bool places_are_off(const Model& model, State& state);
+// Where forces have moved or gone without the solver, the points' displacements under those there are; after
+// hold(): the solver goes on from there.
+void displace_points(State& state);
 // Where there are many, places without a force are points no more; those that are needed are found again.
 void drop_idle_places(const Model& model, State& state);
-// Where instruments now reach into triangles the deepest points become points. True when there were any.
-// early: before the tick's first solve, which will move what lies on the instrument.
+// Where instruments now reach into triangles the deepest points become points. True when there were any, or
+// when places with a force are off the planes that stood for the instruments, so that these should be taken
+// again. early: before the tick's first solve, which will move what lies on the instrument.
 bool add_places(const Model& model, State& state, const Surface& surface, bool early = false);
 
 // predict.cpp

@@ -233,25 +233,190 @@ TEST_F(Places, BluntOnesHaveNone) {
 }
 
 TEST_F(Places, OldSurfacesGiveTheSameBits) {
-  take_needle();
-  for (const double friction : {0.0, 0.3})
-    for (const int lag : {1, 13}) {
-      model.settings.friction = friction;
-      State fresh = make_state(model), late = make_state(model);
-      Surface old = late.surface;
-      Deformer deformer(model.organ);
-      std::size_t places = 0;
-      for (int k = 0; k < 120; ++k) {
-        const double x = -6e-3 + 0.1e-3 * k, z = -0.05e-3 * std::min(k, 24);
-        const Input input = tip_at(Vec3(x + (k > 60 ? 2e-3 : 0), 0.7e-3, z));
-        step(model, fresh, input);
-        if (k % lag == 0) deformer(model.organ, late.loads, old);
-        tick(model, late, input, old);
-        ASSERT_EQ(state_hash(fresh), state_hash(late)) << k;
-        for (const Contact& c : late.contacts) places += c.triangle >= 0;
+  const Vec3 half(10e-3, 0.5e-3, 10e-3);
+  const Shape blade = lattice_of(make_box({-half, half}), 0.25e-3);
+  for (const bool is_blade : {false, true})
+    for (const double along : {0.1e-3, 0.9e-3})
+      for (const double friction : {0.0, 0.3})
+        for (const int lag : {1, 13}) {
+          SCOPED_TRACE(fmt::format("blade {} {} mm a tick, friction {}, lag {}", is_blade, 1e3 * along,
+                                   friction, lag));
+          is_blade ? take(blade, 1e-3) : take_needle();
+          model.settings.friction = friction;
+          State fresh = make_state(model), late = make_state(model);
+          Surface old = late.surface;
+          Deformer deformer(model.organ);
+          std::size_t places = 0;
+          const int ticks = along > 0.5e-3 ? 40 : 120;
+          for (int k = 0; k < ticks; ++k) {
+            const double x = -6e-3 + std::fmod(along * k, 15e-3), z = -0.05e-3 * std::min(k, 24);
+            const Vec3 p(x + (k > ticks / 2 ? 2e-3 : 0), 0.7e-3, z);
+            const Input input = is_blade ? at(Vec3(p.y(), p.x(), p.z() + 10e-3)) : tip_at(p);
+            step(model, fresh, input);
+            if (k % lag == 0) deformer(model.organ, late.loads, old);
+            tick(model, late, input, old);
+            ASSERT_EQ(state_hash(fresh), state_hash(late)) << k;
+            for (const Contact& c : late.contacts) places += c.triangle >= 0;
+          }
+          EXPECT_GT(places, 20u);
+        }
+}
+
+// How deep an instrument reaches between nodes, by samples; deeper than where it is felt from.
+double left_between(const Model& model, const State& state, std::size_t instrument, const Pose& pose) {
+  const Faces faces(model.organ, model.instruments, *state.surface.clusters);
+  double left = 0;
+  for (std::size_t i = 0; i < faces.faces.size(); ++i) {
+    const Triangle& t = model.organ.surface.triangles[i];
+    const auto is_free = [&](Index v) { return model.organ.row_of[static_cast<std::size_t>(v)] >= 0; };
+    if (!std::all_of(t.begin(), t.end(), is_free)) continue;
+    if (distance(model.instruments[instrument].shape, pose.inverse() * contact_point(model, state, t[0])) >
+        6e-3)
+      continue;
+    constexpr int n = 24;
+    for (int a = 0; a <= n; ++a)
+      for (int b = 0; a + b <= n; ++b) {
+        const Vec3 w = Vec3(a, b, n - a - b) / n;
+        if (w.maxCoeff() > 0.95) continue;  // the node's business
+        const Vec3 p = w[0] * contact_point(model, state, t[0]) + w[1] * contact_point(model, state, t[1]) +
+                       w[2] * contact_point(model, state, t[2]) -
+                       faces.allowance(i, instrument, w) * faces.faces[i].normal;
+        left = std::max(left, -distance(model.instruments[instrument].shape, pose.inverse() * p));
       }
-      EXPECT_GT(places, 60u);
+  }
+  return left;
+}
+
+// What a tick leaves between nodes is in deepest_after, and where it says that it converged, as nearly all
+// do, it is little.
+TEST_F(Places, WhatIsLeftIsReported) {
+  take_needle();
+  int ticks = 0, missed = 0;
+  for (const double friction : {0.0, 0.3})
+    for (const double depth : {0.8e-3, 1.7e-3})
+      for (const double along : {5e-3, 1e-3, 0.3e-3}) {
+        SCOPED_TRACE(fmt::format("friction {}, depth {}, {} mm a tick", friction, 1e3 * depth, 1e3 * along));
+        model.settings.friction = friction;
+        State state = make_state(model);
+        for (double z = 0; z < depth; z += 0.1e-3) press(state, Vec3(-9e-3, 0.7e-3, -z));
+        press(state, Vec3(-9e-3, 0.7e-3, -depth));
+        for (double x = -9e-3 + along; x <= 9e-3; x += along) {
+          const Input input = tip_at(Vec3(x, 0.7e-3, -depth));
+          step(model, state, input);
+          const double left = left_between(model, state, 0, input.instruments[0]);
+          const double much = 1e-6 * organ_size(model) + 1e-4 * std::sqrt(2.0) * 3e-3 + 2e-3 * along;
+          EXPECT_LE(left, std::max(much, state.deepest_after) + 1e-7) << x;
+          EXPECT_TRUE(state.deepest_after <= 1.01 * much || state.status & not_converged) << x;
+          ++ticks, missed += (state.status & not_converged) != 0;
+        }
+      }
+  EXPECT_LE(missed, ticks / 20);
+  // A blade's edge goes into a triangle at both ends of where it lies across it.
+  const Vec3 half(10e-3, 0.5e-3, 10e-3);
+  take(lattice_of(make_box({-half, half}), 0.25e-3), 1e-3);
+  model.settings.friction = 0;
+  State state = make_state(model);
+  for (int k = 0; k <= 50; ++k) {
+    const Input input = at(Vec3(1.78e-3, -4.08e-3, 10e-3 - 0.05e-3 * k),
+                           Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Vec3::UnitZ())));
+    step(model, state, input);
+    const double much = 1e-6 * organ_size(model) + 1e-4 * std::sqrt(2.0) * 3e-3 + 2e-3 * 0.05e-3;
+    EXPECT_LE(left_between(model, state, 0, input.instruments[0]), std::max(much, state.deepest_after) + 1e-7)
+        << k;
+  }
+}
+
+// A triangle that a grip has stretched beyond what its nodes reach at rest is seen, however old the surface
+// is.
+TEST_F(Places, StretchedTrianglesAreSeen) {
+  model.instruments = {{"grip", Sphere{5e-3}, {}, 0}, {"needle", Capsule{radius, length}, {}, 0}};
+  State fresh = make_state(model), late = make_state(model);
+  const Surface rest = late.surface;
+  Input input;
+  input.instruments = {Pose{}, Pose{Eigen::Quaterniond::Identity(), Vec3(0, 0, 0.2)}};
+  const auto both = [&](const Vec3& grip, std::uint8_t closed) {
+    input.instruments[0].translation = grip, input.grips = {closed, 0};
+    step(model, fresh, input);
+    tick(model, late, input, rest);
+    EXPECT_EQ(state_hash(fresh), state_hash(late));
+  };
+  both(Vec3(0, 0, 4e-3), 0);
+  both(Vec3(0, 0, 4e-3), 1);
+  for (int k = 1; k <= 10; ++k) both(Vec3(0, 0, 4e-3 + 8e-3 * k), 1);
+  const auto corner = [&](const Triangle& t, std::size_t k) { return contact_point(model, fresh, t[k]); };
+  double farthest = 0;
+  Vec3 middle = Vec3::Zero(), normal = Vec3::UnitZ();
+  for (const Triangle& t : model.organ.surface.triangles) {
+    if (std::any_of(fresh.grasps.begin(), fresh.grasps.end(),
+                    [&](const Grasp& g) { return std::count(t.begin(), t.end(), g.node) > 0; }))
+      continue;
+    const Vec3 m = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
+    double nearest = 1;
+    for (std::size_t k = 0; k < 3; ++k) nearest = std::min(nearest, (corner(t, k) - m).norm());
+    if (nearest <= farthest) continue;
+    farthest = nearest, middle = m;
+    normal = (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0)).normalized();
+  }
+  EXPECT_GT(farthest, 1.2 * 3e-3);
+  const double deep = 0.3e-3;
+  input.instruments[1] = {Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), normal),
+                          middle + (length + radius - deep) * normal};
+  both(input.instruments[0].translation, 1);
+  EXPECT_TRUE(std::any_of(fresh.contacts.begin(), fresh.contacts.end(),
+                          [](const Contact& c) { return c.instrument == 1 && c.triangle >= 0; }));
+}
+
+// Between an anchor and the nodes beside it a tip is felt, the stiffer the nearer the anchor is.
+TEST_F(Places, BesideAnAnchor) {
+  take_needle();
+  const Eigen::Quaterniond lying(Eigen::AngleAxisd(0.5 * 3.14159265358979, Vec3::UnitY()));
+  for (const double friction : {0.0, 0.3}) {
+    SCOPED_TRACE(friction);
+    model.settings.friction = friction;
+    double last = 0, most = 0;
+    for (const double z : {-27.5e-3, -28e-3, -28.5e-3, -29e-3}) {  // nodes at -27 mm, the anchor at -30 mm
+      State state = make_state(model);
+      const auto push = [&](double depth, double down) {
+        step(model, state, at(Vec3(30e-3 - depth + length + radius, 1e-3, z - down), lying));
+        EXPECT_EQ(state.status & ~(strain_beyond_linear | anchor_touched), 0u)
+            << z << ' ' << depth << ' ' << down;
+        return state.wrenches[0].force.x();
+      };
+      double force = 0;
+      for (int k = 0; k <= 10; ++k) force = push(0.02e-3 * k, 0);
+      EXPECT_GT(force, 1.05 * last) << z;
+      EXPECT_LT(force, 1) << z;
+      most = std::max(most, force);
+      if (z == -29e-3)  // and on, beyond the anchor: it comes to an end
+        for (int k = 1; k <= 40; ++k) {
+          const double next = push(0.2e-3, 0.05e-3 * k);
+          EXPECT_LT(std::abs(next - force), 0.5 * most) << k;
+          force = next, most = std::max(most, force);
+        }
+      last = force;
     }
+    EXPECT_EQ(last, 0);
+  }
+}
+
+// A lattice's margin is not the needle: on a coarse lattice with a wide one it still has places.
+TEST_F(Places, AMarginDoesNotMakeBlunt) {
+  Faces faces;
+  const Surface rest = make_surface(model.organ);
+  for (const double margin : {1e-3, 2.5e-3}) {
+    TriangleMesh needle = surface_of_primitive(Capsule{radius, 5e-3});
+    const Shape shape = std::make_shared<const Lattice>(sample_lattice(
+        SignedDistanceField(needle), make_grid_spaced(bounding_box(needle.vertices), 0.25e-3, margin)));
+    for (const bool drawn : {false, true}) {
+      const std::vector<Instrument> instruments{{"needle", shape, drawn ? needle : TriangleMesh{}, 0}};
+      faces = Faces(model.organ, instruments, *rest.clusters);
+      ASSERT_EQ(faces.thickness.size(), 1u);
+      EXPECT_NEAR(faces.thickness[0], radius, 0.1 * radius) << margin << drawn;
+    }
+  }
+  const std::vector<Instrument> ball{
+      {"ball", lattice_of(make_sphere(Vec3::Zero(), 4e-3, 24, 32), 0.5e-3), {}, 0}};
+  EXPECT_TRUE(Faces(model.organ, ball, *rest.clusters).empty());
 }
 
 // A needle that grips takes the nodes round its tip with it.
@@ -263,6 +428,7 @@ TEST_F(Places, AGripBetweenNodes) {
     input = tip_at(Vec3(1e-3, 0.7e-3, -0.1e-3 * k));
     step(model, state, input);
   }
+  step(model, state, input);  // held still, more exactly
   const Vec3 pressed = state.wrenches[0].force;
   input.grips = {1};
   step(model, state, input);
