@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "palpate/contact/clones.hpp"
+#include "palpate/contact/lanes.hpp"
 
 namespace palpate {
 
@@ -33,14 +34,6 @@ PALPATE_CLONES void add(const Triple* t, std::size_t ld, std::size_t n, double* 
         (((cx[i] * c.x + cy[i] * c.y) + cz[i] * c.z) + ((dx[i] * d.x + dy[i] * d.y) + dz[i] * d.z)));
 }
 
-// Sums are eight sums in turn, whatever the instruction set; the compiler's own vectors, as its loops over
-// arrays of lanes keep them in memory.
-constexpr std::size_t lanes = 8;
-using Lanes [[gnu::vector_size(32)]] = float;
-using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = float;
-using Mask [[gnu::vector_size(32)]] = std::int32_t;
-using LooseMask [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = std::int32_t;
-
 PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t slots, const float* f,
                              float* u) noexcept {
   static constexpr std::int32_t keep[2 * lanes] = {-1, -1, -1, -1, -1, -1, -1, -1};
@@ -52,31 +45,23 @@ PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t
       float* ub = u + b * plane;
       // C against the slots before this one, both ways: their u by its force, and what theirs do to it.
       for (std::size_t k = 0; k < i; k += lanes) {
-        Lanes cx = *reinterpret_cast<const LooseLanes*>(x + k),
-              cy = *reinterpret_cast<const LooseLanes*>(y + k),
-              cz = *reinterpret_cast<const LooseLanes*>(z + k);
+        Lanes cx = at(x + k), cy = at(y + k), cz = at(z + k);
         if (k + lanes > i) {  // not the slots after it
           const Mask mask = *reinterpret_cast<const LooseMask*>(keep + lanes - (i - k));
           cx = reinterpret_cast<Lanes>(reinterpret_cast<Mask>(cx) & mask);
           cy = reinterpret_cast<Lanes>(reinterpret_cast<Mask>(cy) & mask);
           cz = reinterpret_cast<Lanes>(reinterpret_cast<Mask>(cz) & mask);
         }
-        const Lanes force = *reinterpret_cast<const LooseLanes*>(fb + k);
-        *reinterpret_cast<LooseLanes*>(ub + k) += (cx * own[0] + cy * own[1]) + cz * own[2];
+        const Lanes force = at(fb + k);
+        at(ub + k) += (cx * own[0] + cy * own[1]) + cz * own[2];
         sum[0] += cx * force, sum[1] += cy * force, sum[2] += cz * force;
       }
     }
     for (std::size_t a = 0; a < 3; ++a) {
       const float* row = rows + 3 * a * plane + i;
-      const Lanes& s = sum[a];
-      u[a * plane + i] += ((row[0] * own[0] + row[plane] * own[1]) + row[2 * plane] * own[2]) +
-                          (((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7])));
+      u[a * plane + i] += ((row[0] * own[0] + row[plane] * own[1]) + row[2 * plane] * own[2]) + total(sum[a]);
     }
   }
-}
-
-inline float total(const Lanes& s) noexcept {
-  return ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
 }
 
 // Three rows of C times forces, in whole lanes.
@@ -86,10 +71,10 @@ PALPATE_CLONES void dot_rows(const float* rows, std::size_t plane, std::size_t s
   for (std::size_t b = 0; b < 3; ++b) {
     const float *x = rows + b * plane, *y = x + 3 * plane, *z = y + 3 * plane, *fb = f + b * plane;
     for (std::size_t k = 0; k < slots; k += lanes) {
-      const Lanes force = *reinterpret_cast<const LooseLanes*>(fb + k);
-      sum[0] += *reinterpret_cast<const LooseLanes*>(x + k) * force;
-      sum[1] += *reinterpret_cast<const LooseLanes*>(y + k) * force;
-      sum[2] += *reinterpret_cast<const LooseLanes*>(z + k) * force;
+      const Lanes force = at(fb + k);
+      sum[0] += at(x + k) * force;
+      sum[1] += at(y + k) * force;
+      sum[2] += at(z + k) * force;
     }
   }
   for (std::size_t a = 0; a < 3; ++a) u[a] = total(sum[a]);
@@ -127,7 +112,7 @@ Mat3 ContactBlock::between(Index i, Index j) const noexcept {
 void ContactBlock::spread(std::span<const Index> loaded, std::span<const Vec3> forces,
                           std::span<float> planes) const noexcept {
   for (std::size_t b = 0; b < 3; ++b) {
-    std::fill_n(planes.data() + b * plane_, width(), 0.0f);
+    std::fill_n(planes.data() + b * plane_, nodes_width(), 0.0f);
     for (std::size_t k = 0; k < loaded.size(); ++k)
       planes[b * plane_ + static_cast<std::size_t>(loaded[k])] =
           static_cast<float>(forces[k][static_cast<int>(b)]);
@@ -136,7 +121,7 @@ void ContactBlock::spread(std::span<const Index> loaded, std::span<const Vec3> f
 
 Vec3 ContactBlock::displacement(Index slot, std::span<const float> forces) const noexcept {
   float u[3];
-  dot_rows(row(slot, 0), plane_, width(), forces.data(), u);
+  dot_rows(row(slot, 0), plane_, nodes_width(), forces.data(), u);
   return Vec3f(u[0], u[1], u[2]).cast<double>();
 }
 
@@ -215,6 +200,7 @@ void ContactBlock::move_slot(std::size_t from, std::size_t to) noexcept {
 
 // The last loadable slots move into the holes of those that are not wanted.
 void ContactBlock::drop_unwanted() noexcept {
+  ++moves_;
   std::size_t last = used_;
   for (std::size_t i = 0; i < last; ++i)
     if (!wanted_[i]) slot_of_row_[static_cast<std::size_t>(row_of_slot_[i])] = -1;
@@ -291,7 +277,8 @@ Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weigh
   return static_cast<Index>(to);
 }
 
-void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined) noexcept {
+void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows,
+                           std::size_t combined) noexcept {
   std::size_t missing = 0, present = 0;
   combined_ = 0;
   std::fill(wanted_.begin(), wanted_.end(), std::uint8_t{0});

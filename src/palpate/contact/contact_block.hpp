@@ -45,10 +45,10 @@ class ContactBlock {
   }
   // C between two slots, the second loadable, m/N.
   Mat3 between(Index i, Index j) const noexcept;
-  // Forces on some slots into planes; zero elsewhere.
+  // Forces on some slots, none of them combined, into planes; zero elsewhere.
   void spread(std::span<const Index> loaded, std::span<const Vec3> forces,
               std::span<float> planes) const noexcept;
-  // Of a slot's node under forces on loadable ones, in planes, m.
+  // Of a slot's node under such forces, m.
   Vec3 displacement(Index slot, std::span<const float> forces) const noexcept;
   // The same of a node that has no slot, from its three rows of C against the loaded nodes, 3 forces.size()
   // numbers each.
@@ -71,12 +71,15 @@ class ContactBlock {
     return static_cast<std::size_t>(slot) < used_ ? row_of_slot_[static_cast<std::size_t>(slot)] : -1;
   }
   std::size_t capacity() const noexcept { return capacity_; }
+  // How often loadable slots have changed places or gone.
+  std::uint64_t moves() const noexcept { return moves_; }
   // Loadable slots in use: the first ones.
   std::size_t used() const noexcept { return used_ + combined_; }
   // The same in whole sixteens: products run over no less, and leave anything in what is not used.
   std::size_t width() const noexcept { return (used() + 15) / 16 * 16; }
 
  private:
+  std::size_t nodes_width() const noexcept { return (used_ + 7) / 8 * 8; }
   std::span<Index> rows_of(std::size_t first, std::size_t count) noexcept {
     return {row_of_slot_.data() + first, count};
   }
@@ -94,6 +97,7 @@ class ContactBlock {
 
   std::size_t capacity_, watchable_, first_watched_, plane_, used_ = 0, combined_ = 0, watched_ = 0,
                                                              oldest_ = 0;
+  std::uint64_t moves_ = 0;
   HugeArray<float> values_;           // 3 rows of 3 planes a slot, m/N
   std::vector<float> fetched_;        // rows as a compliance gives them
   std::vector<Index> slot_of_row_;    // slot of each compliance row, -1: not cached

@@ -1,14 +1,17 @@
-// Unilateral contact with Coulomb's friction, by turns: the pressures for given friction by projected
-// gradients, the friction for given pressures by two sweeps of Gauss-Seidel with return onto the disk |f_t|
-// <= mu p of each point. Panagiotopoulos, "A nonlinear programming approach to the unilateral contact- and
-// friction-boundary value problem" (1975) for the turns; Jourdan, Alart, Jean, "A Gauss-Seidel like algorithm
-// to solve frictional contact problems" (1998) for the sweeps; Simo, Laursen (1992) for the return.
+// Unilateral contact with Coulomb's friction, by turns: friction for given pressures, pressures for given
+// friction. Panagiotopoulos, "A nonlinear programming approach to the unilateral contact- and
+// friction-boundary value problem" (1975). Friction is the least work over the disks |f_t| <= mu p: a step of
+// Newton's method, in which what slips turns along its circle and what sticks goes anywhere along the surface
+// (Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution
+// methods", 1991), by conjugate gradients on half of C. While a motion goes on as it went, the forces
+// foreseen are so near that one turn does. Where these steps go to and fro between sticking and slipping,
+// sweeps of Gauss-Seidel take over (Jourdan, Alart, Jean, "A Gauss-Seidel like algorithm to solve frictional
+// contact problems", 1998).
 //
 // All in changes from the last tick's forces: what they do (moved_) is small, so float32 does for it, and the
 // compliance along the normals only has to be near enough, as the gaps are read from moved_.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "palpate/contact/solver.hpp"
 
@@ -16,14 +19,17 @@ namespace palpate {
 
 namespace {
 
-constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;
-constexpr double little_turned = 0.02;  // rad: of a normal, so that its row of N^T C N may stay
-constexpr int most_products = 12;       // of a step for friction
-constexpr double enough = 0.3;          // of its residual, by which it is reduced
-constexpr double negligible = 2e-4;     // of the sum of the pressures: friction that is as much off is right
-constexpr double linear_share = 0.1;    // of the tolerance: how exactly pressures are solved for
-constexpr double loose = 0.01;          // and of what the gaps are off before
-constexpr double settled = 1e-3;        // of the sum of the pressures: change of all friction in a sweep
+constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;  // turns; of the others, and of a turn
+// Of a normal, rad, so that its row of N^T C N may stay: in motion, which forgives a change of the forces
+// that is off by as much; and where they have to come to rest.
+constexpr double little_turned = 0.02, hardly_turned = 1e-4;
+constexpr double left_over = 0.1;     // of what the gaps were off in a turn: so small, the next one does it
+constexpr int most_products = 12;     // of a step for friction
+constexpr double enough = 0.3;        // of its residual, by which it is reduced
+constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
+constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
+constexpr double loose = 0.01;        // and of what the gaps are off before
+constexpr double settled = 1e-3;      // of the sum of the pressures: change of all friction in a sweep
 
 }  // namespace
 
@@ -99,40 +105,44 @@ double ContactSolver::press(const ContactBlock& block, std::span<const ContactPo
   return solved ? off : -1;
 }
 
-// Friction for the pressures there are: the least work against the slips, over the disks |f_t| <= mu p. A
-// step of Newton's method: what slips turns along its circle, what sticks goes anywhere along the surface; by
-// conjugate gradients, then back onto the disks. The sum of what changed, N.
-double ContactSolver::rub(const ContactBlock& block, std::span<const ContactPoint> points,
-                          double mu) noexcept {
-  const std::size_t m = points.size();
-  double size_of_residual = 0, pressures = 0, off = 0;  // off: N, about, of all friction
-  for (std::size_t i = 0; i < m; ++i) {
+// Prepares a step for friction at the pressures there are. The sum of these, N.
+double ContactSolver::begin_rub(const ContactBlock& block, std::span<const ContactPoint> points,
+                                double mu) noexcept {
+  double pressures = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
-    change_of_[i] = search_[i] = Vec3::Zero();
+    change_of_[i] = search_[i] = residual_[i] = Vec3::Zero();
     weight_[i] = curve_[i] = 0;
-    const double p = c.normal.dot(force_[i]), radius = mu * p;
+    const double p = c.normal.dot(force_[i]);
     if (p <= 0 || c.grasped) continue;
     pressures += p;
     if (!c.held) continue;
     const Vec3 friction = force_[i] - p * c.normal;
     Vec3 slip = slip_of(block, c, i);
-    slips_[i] = friction != Vec3::Zero() && (friction - slip / own_[i]).norm() > radius;
-    // Along the surface, or only along the circle.
-    along_circle_[i] = slips_[i] ? Vec3(c.normal.cross(friction).normalized()) : Vec3(Vec3::Zero());
+    slips_[i] = friction != Vec3::Zero() && (friction - slip / own_[i]).norm() > mu * p;
     if (slips_[i]) {
+      along_circle_[i] = c.normal.cross(friction).normalized();
       curve_[i] = std::max(0.0, -slip.dot(friction) / friction.squaredNorm());
       slip = along_circle_[i].dot(slip) * along_circle_[i];
     }
     weight_[i] = 1 / (own_[i] + curve_[i]);
     residual_[i] = -slip;
-    search_[i] = weight_[i] * residual_[i];
-    size_of_residual += residual_[i].dot(search_[i]);
-    off += search_[i].norm();
   }
-  const double first = size_of_residual;
-  for (int k = 0; k < most_products && size_of_residual > enough * enough * first &&
-                  (k == 0 || off > negligible * pressures);
-       ++k) {
+  return pressures;
+}
+
+// The step: conjugate gradients for change_of_, with the points' own compliance for preconditioner; moved_
+// goes along.
+void ContactSolver::descend(const ContactBlock& block, std::span<const ContactPoint> points,
+                            double pressures) noexcept {
+  const std::size_t m = points.size();
+  double size = 0, off = 0;  // of the residual; and of the friction, about, N
+  for (std::size_t i = 0; i < m; ++i) {
+    search_[i] = weight_[i] * residual_[i];
+    size += residual_[i].dot(search_[i]), off += search_[i].norm();
+  }
+  const double small = enough * enough * size;
+  for (int k = 0; k < most_products && size > small && (k == 0 || off > negligible * pressures); ++k) {
     clear(block, tried_), clear(block, product_of_);
     for (std::size_t i = 0; i < m; ++i)
       if (weight_[i] > 0) add_in_planes(block, points[i].slot, search_[i], tried_);
@@ -145,32 +155,35 @@ double ContactSolver::rub(const ContactBlock& block, std::span<const ContactPoin
                         : Vec3(moved - points[i].normal.dot(moved) * points[i].normal);
       bent += search_[i].dot(moved);
     }
-    if (!(bent > 0)) break;
-    const double length = size_of_residual / bent;
+    if (!(bent > 0)) return;
+    const double length = size / bent, before = size;
     add_share(block, length, product_of_, moved_);
-    double next = off = 0;
+    size = off = 0;
     for (std::size_t i = 0; i < m; ++i) {
       if (weight_[i] == 0) continue;
       change_of_[i] += length * search_[i];
       residual_[i] -= length * step_of_[i];
-      next += weight_[i] * residual_[i].squaredNorm();
-      off += weight_[i] * residual_[i].norm();
+      size += weight_[i] * residual_[i].squaredNorm(), off += weight_[i] * residual_[i].norm();
     }
-    for (std::size_t i = 0; i < m; ++i)
-      if (weight_[i] > 0) search_[i] = weight_[i] * residual_[i] + next / size_of_residual * search_[i];
-    size_of_residual = next;
+    for (std::size_t i = 0; i < m; ++i) search_[i] = weight_[i] * residual_[i] + size / before * search_[i];
   }
+}
+
+// Friction for the pressures there are. The sum of what changed, N.
+double ContactSolver::rub(const ContactBlock& block, std::span<const ContactPoint> points,
+                          double mu) noexcept {
+  descend(block, points, begin_rub(block, points, mu));
   double change = 0;
-  for (std::size_t i = 0; i < m; ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
+    if (c.grasped) continue;
     const double p = c.normal.dot(force_[i]), radius = std::max(0.0, mu * p);
     const Vec3 friction = force_[i] - p * c.normal;
     Vec3 wanted = friction + change_of_[i];
     const double size = wanted.norm();
     if (size > radius || (slips_[i] && size > 0)) wanted *= radius / size;
-    if (c.grasped) continue;
     change += (wanted - friction).norm();
-    // What the steps have moved is known; what the way back onto the circles does, waits.
+    // What the step has moved is known; what the way back onto the circles does, waits.
     force_[i] += change_of_[i];
     change_force(block, c, i, wanted - friction - change_of_[i]);
   }
@@ -224,52 +237,64 @@ void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const Co
   }
 }
 
+// Pressures until the gaps hardly change: friction that follows them moves the gaps again, by a tenth, and
+// rows of N^T C N that stayed solve them not quite. False: not solved.
+bool ContactSolver::press_on(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
+                             double tolerance, int most) noexcept {
+  double first = 0;
+  for (int k = 0; k < most; ++k) {
+    const double good_enough = k == 0 ? 0 : std::max(left_over * first, 0.02 * tolerance);
+    const double off = press(block, points, mu, linear_share * tolerance, good_enough);
+    if (off < 0) return false;
+    if (off <= good_enough) break;
+    if (k == 0) first = off;
+  }
+  return true;
+}
+
+// Forces, paths and displacements go to the points.
+void ContactSolver::hand_over(std::span<ContactPoint> points, double mu) noexcept {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
+    points[i].gap = reached_[i].distance, points[i].path = gone_[i];
+    const Vec3 friction = force_[i] - pressure_[i] * points[i].normal;
+    points[i].sticks = points[i].held && friction.norm() < mu * pressure_[i] * (1 - 1e-9);
+  }
+}
+
 SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const PlacedShape> shapes,
                                  std::span<ContactPoint> points, double mu,
                                  const SolverLimits& limits) noexcept {
   SolveResult result;
   const std::size_t m = points.size();
-  for (std::size_t i = 0; i < m; ++i) {
-    force_[i] = points[i].force, base_[i] = points[i].u;
-    last_change_[i] = Vec3::Zero();
-    own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
-  }
   clear(block, moved_), clear(block, forces_), pending_ = false;
-  for (std::size_t i = 0; i < m; ++i) change_force(block, points[i], i, points[i].foreseen);
+  for (std::size_t i = 0; i < m; ++i) {
+    force_[i] = points[i].force, base_[i] = points[i].u, last_change_[i] = Vec3::Zero();
+    own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
+    change_force(block, points[i], i, points[i].foreseen);
+  }
   move(block);
   for (std::size_t i = 0; i < m; ++i) points[i].u = reached_by(block, points[i], i);
   const int most = mu > 0 ? limits.max_relinearisations : std::min(newton_turns, limits.max_relinearisations);
-  const double linear = linear_share * limits.tolerance;
-  double last_residual = std::numeric_limits<double>::infinity();
   while (result.relinearisations < most && !result.converged) {
     const int turn = ++result.relinearisations;
+    const bool by_newton = turn <= newton_turns;
     relinearise(shapes, points, turn > 1);
     for (std::size_t i = 0; i < m; ++i) {
       rhs_[i] = points[i].gap / points[i].slope - points[i].normal.dot(points[i].u);
       slips_[i] = 0;
     }
-    if (last_residual > limits.tolerance * 100)  // else the last one will do
-      normals_.update(block, points, turn == 1 ? little_turned : 0);
-    put_on_circles(block, points, turn <= newton_turns ? mu : -1);
-    bool solved = true;
+    normals_.update(block, points, turn == 1 && limits.predicted ? little_turned : hardly_turned);
+    put_on_circles(block, points, by_newton ? mu : -1);
     double change = 0;
-    if (mu == 0 || (turn == 1 && !limits.predicted)) {
-      move(block);
-      solved = press(block, points, mu, linear, 0) >= 0;
-    }
-    if (mu > 0 && turn <= newton_turns)
+    if (mu == 0 || !by_newton || (turn == 1 && !limits.predicted)) move(block);
+    if (mu > 0 && turn == 1 && !limits.predicted)
+      press(block, points, mu, linear_share * limits.tolerance, 0);
+    if (mu > 0 && by_newton)
       change = rub(block, points, mu);
-    else if (mu > 0) {
-      move(block);
+    else if (mu > 0)
       for (int k = 0; k < sweeps; ++k) change = rub_in_turn(block, points, mu);
-    }
-    // Friction that follows the pressures moves the gaps again, by a tenth.
-    for (int k = 0; k < (turn <= newton_turns ? most_presses : 1) && mu > 0; ++k) {
-      const double good_enough = k == 0 ? 0 : 0.5 * limits.tolerance,
-                   off = press(block, points, mu, linear, good_enough);
-      solved = off >= 0;
-      if (off <= good_enough) break;
-    }
+    const bool solved = press_on(block, points, mu, limits.tolerance, by_newton ? most_presses : 1);
     move(block);
     for (std::size_t i = 0; i < m; ++i) u_[i] = reached_by(block, points[i], i);
     Step s;
@@ -277,24 +302,14 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
     result.converged =
         solved && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total && change <= settled * s.total;
     if (!result.converged) calm(points, turn == 1);
-    last_residual = s.residual;
   }
   if (limits.exact) displace(block, points);
-  for (std::size_t i = 0; i < m; ++i) {
-    points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
-    points[i].gap = reached_[i].distance, points[i].path = gone_[i];
-    const Vec3 friction = force_[i] - pressure_[i] * points[i].normal;
-    points[i].sticks = points[i].held && friction.norm() < mu * pressure_[i] * (1 - 1e-9);
-  }
-  if (mu == 0 && !result.converged) {
-    SolverLimits rest = limits;
-    rest.max_relinearisations -= result.relinearisations;
-    if (rest.max_relinearisations > 0) {
-      const SolveResult more = unilateral(block, shapes, points, rest);
-      result = {more.converged, result.relinearisations + more.relinearisations};
-    }
-  }
-  return result;
+  hand_over(points, mu);
+  SolverLimits rest = limits;
+  rest.max_relinearisations -= result.relinearisations;
+  if (mu > 0 || result.converged || rest.max_relinearisations <= 0) return result;
+  const SolveResult more = unilateral(block, shapes, points, rest);
+  return {more.converged, result.relinearisations + more.relinearisations};
 }
 
 }  // namespace palpate

@@ -4,15 +4,12 @@
 #include <cmath>
 
 #include "palpate/contact/clones.hpp"
+#include "palpate/contact/lanes.hpp"
 #include "palpate/contact/solver.hpp"
 
 namespace palpate {
 
 namespace {
-
-constexpr std::size_t lanes = 8;
-using Lanes [[gnu::vector_size(32)]] = float;
-using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = float;
 
 // out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in
 // planes ld apart.
@@ -23,25 +20,22 @@ PALPATE_CLONES void along_normals(const float* rows, std::size_t plane, std::siz
     Lanes sum = {};
     for (std::size_t b = 0; b < 3; ++b) {
       const float *x = rows + b * plane + k, *y = x + 3 * plane, *z = y + 3 * plane;
-      sum += ((*reinterpret_cast<const LooseLanes*>(x) * wx + *reinterpret_cast<const LooseLanes*>(y) * wy) +
-              *reinterpret_cast<const LooseLanes*>(z) * wz) *
-             *reinterpret_cast<const LooseLanes*>(n + b * ld + k);
+      sum += ((at(x) * wx + at(y) * wy) + at(z) * wz) * at(n + b * ld + k);
     }
-    *reinterpret_cast<LooseLanes*>(out + k) = sum;
+    at(out + k) = sum;
   }
 }
 
 // Sums of the columns' sizes, none of which any eigenvalue exceeds.
 PALPATE_CLONES void add_sizes(const float* row, std::size_t n, float* __restrict sums, float* own) noexcept {
-  Lanes total = {};
+  Lanes sizes = {};
   std::size_t k = 0;
   for (; k + lanes <= n; k += lanes) {
-    const Lanes a = *reinterpret_cast<const LooseLanes*>(row + k), size = a < 0.0f ? -a : a;
-    *reinterpret_cast<LooseLanes*>(sums + k) += size;
-    total += size;
+    const Lanes a = at(row + k), size = a < 0.0f ? -a : a;
+    at(sums + k) += size;
+    sizes += size;
   }
-  float sum =
-      ((total[0] + total[4]) + (total[2] + total[6])) + ((total[1] + total[5]) + (total[3] + total[7]));
+  float sum = total(sizes);
   for (; k < n; ++k) sums[k] += std::abs(row[k]), sum += std::abs(row[k]);
   *own += sum;
 }

@@ -6,28 +6,19 @@
 #include <limits>
 
 #include "palpate/contact/clones.hpp"
+#include "palpate/contact/lanes.hpp"
 
 namespace palpate {
 
 namespace {
 
-constexpr std::size_t lanes = 16;  // sums are so many sums in turn, whatever the instruction set
+constexpr std::size_t ways = 16;  // sums are so many sums in turn, whatever the instruction set
 
-float total(const float* parts) noexcept {
+float sum_of(const float* parts) noexcept {
   float sum = 0;
-  for (std::size_t l = 0; l < lanes; ++l) sum += parts[l];
+  for (std::size_t l = 0; l < ways; ++l) sum += parts[l];
   return sum;
 }
-
-}  // namespace
-
-namespace {
-
-constexpr std::size_t width = 8;
-using Lanes [[gnu::vector_size(32)]] = float;
-using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = float;
-
-inline const LooseLanes& at(const float* p) noexcept { return *reinterpret_cast<const LooseLanes*>(p); }
 
 }  // namespace
 
@@ -41,16 +32,16 @@ PALPATE_CLONES void multiply_symmetric(const float* a, std::size_t n, std::size_
     const float x0 = x[i], x1 = x[i + 1], x2 = x[i + 2], x3 = x[i + 3];  // zero beyond n
     Lanes s0 = {}, s1 = {}, s2 = {}, s3 = {};
     std::size_t k = 0;
-    for (; k + width <= i; k += width) {
+    for (; k + lanes <= i; k += lanes) {
       const Lanes a0 = at(r0 + k), a1 = at(r1 + k), a2 = at(r2 + k), a3 = at(r3 + k), xk = at(x + k);
-      *reinterpret_cast<LooseLanes*>(y + k) += (a0 * x0 + a1 * x1) + (a2 * x2 + a3 * x3);
+      at(y + k) += (a0 * x0 + a1 * x1) + (a2 * x2 + a3 * x3);
       s0 += a0 * xk, s1 += a1 * xk, s2 += a2 * xk, s3 += a3 * xk;
     }
     const Lanes* sums[4] = {&s0, &s1, &s2, &s3};
     for (std::size_t q = 0; q < std::min<std::size_t>(4, n - i); ++q) {
       const Lanes& s = *sums[q];
       const float* row = r0 + q * ld;
-      float sum = ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
+      float sum = total(s);
       for (std::size_t j = k; j < i + q; ++j) sum += row[j] * x[j], y[j] += row[j] * x[i + q];
       y[i + q] += sum + row[i + q] * x[i + q];
     }
@@ -61,8 +52,8 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
                                         std::span<const float> b, std::span<const float> lower,
                                         std::span<const float> within, std::span<float> x,
                                         const GradientWork& work, int most) noexcept {
-  // Whole lanes; what is beyond n stays zero.
-  const std::size_t end = (n + lanes - 1) / lanes * lanes;
+  // Whole ways; what is beyond n stays zero.
+  const std::size_t end = (n + ways - 1) / ways * ways;
   float* const __restrict g = work.gradient.data(), * const __restrict d = work.way.data();
   float* const __restrict ad = work.product.data(), * const __restrict y = x.data();
   const float* const __restrict low = lower.data(), * const __restrict near = within.data();
@@ -77,10 +68,10 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
   if (std::any_of(y, y + n, [](float v) { return v != 0; })) gradient();
   for (std::size_t i = 0; i < end; ++i) d[i] = y[i] > low[i] ? g[i] : 0.0f;
   while (products < most) {
-    float reduced[lanes] = {}, chopped[lanes] = {};
-    std::int32_t wrong[lanes] = {};
-    for (std::size_t k = 0; k < end; k += lanes)
-      for (std::size_t l = 0; l < lanes; ++l) {
+    float reduced[ways] = {}, chopped[ways] = {};
+    std::int32_t wrong[ways] = {};
+    for (std::size_t k = 0; k < end; k += ways)
+      for (std::size_t l = 0; l < ways; ++l) {
         const std::size_t i = k + l;
         const float room = y[i] - low[i], phi = room > 0 ? g[i] : 0.0f;
         const float beta = room > 0 ? 0.0f : std::min(g[i], 0.0f);
@@ -88,23 +79,23 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
         chopped[l] += beta * beta;
         wrong[l] |= !(std::abs(phi + beta) <= near[i]);  // no number is wrong too
       }
-    if (std::none_of(wrong, wrong + lanes, [](std::int32_t w) { return w != 0; })) return products;
-    const bool release = total(chopped) > total(reduced);
+    if (std::none_of(wrong, wrong + ways, [](std::int32_t w) { return w != 0; })) return products;
+    const bool release = sum_of(chopped) > sum_of(reduced);
     if (release)
       for (std::size_t i = 0; i < end; ++i) d[i] = y[i] > low[i] ? 0.0f : std::min(g[i], 0.0f);
     multiply_symmetric(a, n, ld, d, ad), ++products;
-    float slope[lanes] = {}, curvature[lanes] = {}, feasible[lanes];
-    std::fill_n(feasible, lanes, std::numeric_limits<float>::infinity());
-    for (std::size_t k = 0; k < end; k += lanes)
-      for (std::size_t l = 0; l < lanes; ++l) {
+    float slope[ways] = {}, curvature[ways] = {}, feasible[ways];
+    std::fill_n(feasible, ways, std::numeric_limits<float>::infinity());
+    for (std::size_t k = 0; k < end; k += ways)
+      for (std::size_t l = 0; l < ways; ++l) {
         const std::size_t i = k + l;
         slope[l] += g[i] * d[i], curvature[l] += d[i] * ad[i];
         const float until = (y[i] - low[i]) / d[i];
         feasible[l] = d[i] > 0 ? std::min(feasible[l], until) : feasible[l];
       }
-    const float bent = total(curvature);
+    const float bent = sum_of(curvature);
     if (!(bent > 0)) return -1;
-    const float length = total(slope) / bent, most_length = *std::min_element(feasible, feasible + lanes);
+    const float length = sum_of(slope) / bent, most_length = *std::min_element(feasible, feasible + ways);
     const bool blocked = !release && length > most_length;
     const float taken = blocked ? most_length : length;
     for (std::size_t i = 0; i < end; ++i) {
@@ -117,11 +108,11 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
         y[i] = std::max(low[i], y[i] - (y[i] > low[i] ? step * g[i] : 0.0f));
       gradient();
     } else if (!release) {
-      float turn[lanes] = {};
-      for (std::size_t k = 0; k < end; k += lanes)
-        for (std::size_t l = 0; l < lanes; ++l)
+      float turn[ways] = {};
+      for (std::size_t k = 0; k < end; k += ways)
+        for (std::size_t l = 0; l < ways; ++l)
           turn[l] += (y[k + l] > low[k + l] ? g[k + l] : 0.0f) * ad[k + l];
-      back = total(turn) / bent;
+      back = sum_of(turn) / bent;
     }
     for (std::size_t i = 0; i < end; ++i) d[i] = (y[i] > low[i] ? g[i] : 0.0f) - back * d[i];
   }

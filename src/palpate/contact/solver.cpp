@@ -305,10 +305,7 @@ SolveResult ContactSolver::unilateral(const ContactBlock& block, std::span<const
       result.relinearisations <= downhill ? advance(shapes, points, 1.5 * s.largest, history)
                                           : calm(points, result.relinearisations == downhill + 1);
   }
-  for (std::size_t i = 0; i < m; ++i) {
-    points[i].pressure = pressure_[i], points[i].force = force_[i], points[i].u = u_[i];
-    points[i].gap = reached_[i].distance, points[i].path = gone_[i];
-  }
+  hand_over(points, 0);
   return result;
 }
 

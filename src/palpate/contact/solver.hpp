@@ -136,6 +136,11 @@ class ContactSolver {
   double press(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
                double good_enough) noexcept;
   double rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  double begin_rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  void descend(const ContactBlock& block, std::span<const ContactPoint> points, double pressures) noexcept;
+  bool press_on(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
+                int most) noexcept;
+  void hand_over(std::span<ContactPoint> points, double mu) noexcept;
   double rub_in_turn(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
   void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;

@@ -64,7 +64,8 @@ void place(const Model& model, State& state, const Input& input) {
     sweep.last = state.placed[i].inverse(), sweep.known = true, sweep.way = moved;
     sweep.reach = moved > 0.5 * w.shapes[i].finest ? moved : 0.0;
   }
-  w.ahead = last_squared > 0 ? std::clamp(along / last_squared, -1.0, most_ahead) : 0;
+  const double least = 10 * w.tolerance;  // less is the solver's own noise
+  w.ahead = last_squared > 8 * least * least ? std::clamp(along / last_squared, -1.0, most_ahead) : 0;
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
   w.before.copy(state.loads);
@@ -185,12 +186,12 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
 
 void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number) {
   w.u[at(node)] = w.u_known[at(node)] = u;
-  w.u_number[at(node)] = number, w.travelled_then[at(node)] = w.travelled;
+  w.u_number[at(node)] = w.stamp(number), w.travelled_then[at(node)] = w.travelled;
 }
 
 const Vec3& displacement(const Model& model, State& state, Index node) {
   StepScratch& w = *state.scratch;
-  if (w.u_number[at(node)] != state.loads.number)
+  if (w.u_number[at(node)] != w.stamp(state.loads.number))
     found_displacement(w, node, displacement(model, w, node, state.loads, w.loaded), state.loads.number);
   return w.u[at(node)];
 }
@@ -199,7 +200,7 @@ Vec3 displacement_about(const Model& model, State& state, Index node) {
   StepScratch& w = *state.scratch;
   const Index row = model.organ.row_of[at(node)];
   Index slot = w.block.slot_of(row);
-  if (w.u_number[at(node)] == state.loads.number || w.compliance_of(model).mirrors_bits() ||
+  if (w.u_number[at(node)] == w.stamp(state.loads.number) || w.compliance_of(model).mirrors_bits() ||
       w.block.is_loadable(slot) || !w.loaded.loadable)
     return displacement(model, state, node);
   if (slot < 0) slot = w.block.watch(w.compliance_of(model), row);
@@ -286,7 +287,7 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     const auto softness = static_cast<double>(w.softness[at(node)]);
     const double way = sweep.way + softness * w.sprung;
     const bool may_pass = sweep.known && way > 0.5 * shape.finest;
-    if (w.u_number[at(node)] != state.loads.number) {
+    if (w.u_number[at(node)] != w.stamp(state.loads.number)) {
       const double within = (may_pass ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
       const auto is_far = [&](const Vec3& about, double slack) {
         return !shape.may_be_nearer(model.organ.contact_points[at(node)] + about, within + slack);
@@ -428,8 +429,10 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   for (const ContactPoint& c : w.points)
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
-    if (!all_near) {
-      find_candidates(model, state, surface, i, -w.tolerance, drifted);
+    if (!all_near) {  // near_now() looks so far for what has passed through
+      const double way = w.sweeps[i].way + w.softest * w.sprung;
+      const bool may_pass = w.sweeps[i].known && way > 0.5 * w.shapes[i].finest;
+      find_candidates(model, state, surface, i, may_pass ? 1.5 * way : -w.tolerance, drifted);
     }
     near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance,
              [&](Index node, double d, const Vec3& u) {

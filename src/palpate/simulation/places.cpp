@@ -36,7 +36,7 @@ std::array<Vec3, 3> corners_at(const Model& model, std::size_t triangle, auto&& 
 std::array<Vec3, 3> corners_before(const Model& model, State& state, std::size_t triangle) {
   StepScratch& w = *state.scratch;
   return corners_at(model, triangle, [&](Index node) {
-    if (std::exchange(w.u_before_number[at(node)], w.ticks) != w.ticks)
+    if (std::exchange(w.u_before_number[at(node)], w.stamp(w.ticks)) != w.stamp(w.ticks))
       w.u_before[at(node)] = displacement_before(model, state, node);
     return w.u_before[at(node)];
   });

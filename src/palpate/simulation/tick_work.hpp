@@ -42,6 +42,10 @@ struct StepScratch {
         compliance_rows(9 * most),
         faces(model.organ, model.instruments, clusters) {}
 
+  // Of a displacement that was read off the block: its last bits depend on the order of the slots, so it holds
+  // only while they keep it. When it is asked for must not decide.
+  std::uint64_t stamp(std::uint64_t number) const noexcept { return number + (block.moves() << 40); }
+
   // The model's own, in case another organ has been put into it since.
   const Compliance& compliance_of(const Model& model) const {
     return compliance.same_numbers(model.organ.compliance) ? compliance : model.organ.compliance;
@@ -54,11 +58,11 @@ struct StepScratch {
   std::size_t capacity;
   Clusters anchored;  // nodes that cannot move
   ClusterBounds rest_bounds, anchored_bounds;
-  std::vector<PlacedShape> shapes;         // instruments in the organ's frame
-  std::vector<Sweep> sweeps;               // how each came there
-  Loads before;                            // of the last tick
-  Loads earlier;                           // of the one before
-  std::vector<Index> earlier_of;           // of each row of the compliance: which of them it is, -1: none
+  std::vector<PlacedShape> shapes;  // instruments in the organ's frame
+  std::vector<Sweep> sweeps;        // how each came there
+  Loads before;                     // of the last tick
+  Loads earlier;                    // of the one before
+  std::vector<Index> earlier_of;    // of each row of the compliance: which of them it is, -1: none
   double ahead = 0;  // the instruments' motion in this tick as a share of that in the last; 0: not known
   std::vector<ContactPoint> points;     // may touch in this tick
   std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
@@ -99,10 +103,10 @@ struct StepScratch {
   std::vector<Seen> seen;  // of each node: where the places' planes are taken
   std::uint64_t ticks = 0;
   bool moved_forces = false;  // forces have moved or gone without the solver since the points were displaced
-  std::vector<Index> point_slots;  // of the points with a force
-  std::vector<Vec3> point_forces;  // and these, N
-  std::vector<double> placed_u;    // of each slot, in planes
-  double left = 0;                 // m: how deep instruments reach into triangles after a solve
+  std::vector<Index> point_slots;             // of the points with a force
+  std::vector<Vec3> point_forces;             // and these, N
+  std::vector<double> placed_u;               // of each slot, in planes
+  double left = 0;                            // m: how deep instruments reach into triangles after a solve
   std::vector<std::uint8_t> is_wanted;        // of each row: in hold(), let_go()
   double softest = 0;                         // the largest softness
   double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J

@@ -7,8 +7,7 @@
 namespace palpate {
 namespace {
 
-void equals_the_compliance(std::size_t capacity, std::size_t watchable) {
-  constexpr std::size_t rows = 50;
+void equals_the_compliance(std::size_t capacity, std::size_t watchable, std::size_t rows = 50) {
   HugeArray<float> matrix(9 * rows * rows);
   std::mt19937 random(6);
   for (std::size_t i = 0; i < 3 * rows; ++i)
@@ -28,7 +27,7 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable) {
     }
     return out;
   };
-  for (int tick = 0; tick < 500; ++tick) {
+  for (int tick = 0; tick < (rows > 50 ? 60 : 500); ++tick) {
     const std::size_t among = tick % 2 ? rows : 15;
     const std::vector<Index> wanted = some(capacity, among), watched = some(2 * watchable, among);
     block.require(c, wanted);
@@ -98,6 +97,10 @@ TEST(ContactBlock, CombinesThreeNodes) {
   for (int k = 0; k < 3; ++k) {  // the slots of the nodes, and what was there before, differ
     const std::vector<Index> wanted[] = {{3, 7, 11, 4}, {11, 4, 0, 1, 2, 3, 7}, {4, 3, 5, 11, 7}};
     block.require(c, wanted[k], 2);
+    const Vec3 force(1, 2, -3);
+    std::vector<float> planes(3 * block.plane(), 1e6f);  // places between nodes do not disturb what nodes do
+    const Index loaded = block.slot_of(7), watching = block.watch(c, 15);
+    block.spread(std::span(&loaded, 1), std::span(&force, 1), planes);
     const Index nodes[2][3] = {{3, 7, 11}, {4, -1, 7}};  // the second has an anchored one
     Index slot[2];
     for (int p = 0; p < 2; ++p) {
@@ -105,6 +108,8 @@ TEST(ContactBlock, CombinesThreeNodes) {
       for (std::size_t l = 0; l < 3; ++l) slots[l] = nodes[p][l] < 0 ? -1 : block.slot_of(nodes[p][l]);
       slot[p] = block.combine(slots, weights[p]);
     }
+    EXPECT_LT((block.displacement(watching, planes) - between(15, 7) * force).norm(), 1e-3);
+    EXPECT_LT((block.displacement(block.slot_of(3), planes) - between(3, 7) * force).norm(), 1e-3);
     const auto expected = [&](int p, const auto& column) {
       Mat3 sum = Mat3::Zero();
       for (int l = 0; l < 3; ++l)
@@ -126,7 +131,6 @@ TEST(ContactBlock, CombinesThreeNodes) {
                       .norm(),
                   1e-3);
       std::vector<double> u(3 * block.plane());
-      const Vec3 force(1, 2, -3);
       block.displacements(std::span(&slot[p], 1), std::span(&force, 1), u);
       for (const Index node : {3, 7, 11})
         EXPECT_LT((block.in_planes<double>(u, block.slot_of(node)) -
@@ -141,6 +145,7 @@ TEST(ContactBlock, EqualsTheComplianceWhateverCameBefore) {
   equals_the_compliance(12, 9);
   equals_the_compliance(3, 40);  // most of all are only watched
   equals_the_compliance(50, 1);
+  equals_the_compliance(150, 30, 200);  // rows are widened and narrowed
 }
 
 }  // namespace

@@ -158,6 +158,25 @@ TEST(Friction, ALimitIsAStatusAndTheNextTicksGoOn) {
   EXPECT_LT((state.wrenches[0].force - exact.wrenches[0].force).norm(), 0.3 * exact.wrenches[0].force.norm());
 }
 
+// A tick begins with the forces that the last two lead to: while an instrument goes on as it went, one turn
+// does, with friction and without. (Two to four from the last tick's forces.)
+TEST(Friction, OneTurnATickWhileAMotionGoesOn) {
+  for (const double mu : {0.0, 0.3}) {
+    Model model = block_model(14, Sphere{0.03});
+    model.settings.friction = mu;
+    State state = make_state(model);
+    int turns = 0;
+    for (int k = 0; k < 260; ++k) {
+      const double x = 1e-4 * std::max(0, k - 100);
+      step(model, state, at(Vec3(-0.008 + x, 0, 0.1 + 0.03 - 5e-5 * std::min(k, 100))));
+      EXPECT_EQ(state.status & not_converged, 0u) << k;
+      if (k >= 120) turns += state.relinearisations;
+    }
+    EXPECT_GT(state.contacts.size(), 8u);
+    EXPECT_LT(turns, 140 * 1.5) << mu;
+  }
+}
+
 TEST(Friction, OldSurfacesGiveTheSameBits) {
   Model model = block_model(10, Sphere{0.02});
   model.settings.friction = 0.4;

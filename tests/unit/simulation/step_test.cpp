@@ -55,7 +55,7 @@ void expect_signorini(const Model& model, const State& state, const Input& input
     EXPECT_GT(c.force.dot(normal), 0);                                   // no pulling
     EXPECT_LT(c.force.cross(normal).norm(), 3e-3 * peak);                // no friction
     EXPECT_LE(std::abs(g.distance) * c.force.norm(), tolerance * peak);  // gap * force
-    EXPECT_NEAR(g.distance, c.gap_after, 1e-9);
+    EXPECT_NEAR(g.distance, c.gap_after, 5e-9);  // a surface of float32, changes of u in float32
     total += c.force;
     torque += (x - input.instruments[i].translation).cross(c.force);
     const Index row = model.organ.row_of[static_cast<std::size_t>(c.node)];

@@ -1,0 +1,128 @@
+#include "palpate/contact/normal_compliance.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <random>
+
+#include "palpate/contact/projected_gradients.hpp"
+#include "palpate/contact/solver.hpp"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t rows = 60;
+
+// Symmetric positive definite, like a compliance between points on a line.
+Compliance some_compliance(std::mt19937& random) {
+  HugeArray<float> matrix(9 * rows * rows);
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(
+      3 * rows, 3 * rows, [&](Eigen::Index, Eigen::Index) { return normal(random); });
+  const Eigen::MatrixXd c = a * a.transpose() + 20 * Eigen::MatrixXd::Identity(3 * rows, 3 * rows);
+  for (std::size_t i = 0; i < 3 * rows; ++i)
+    for (std::size_t j = 0; j < 3 * rows; ++j)
+      matrix[i * 3 * rows + j] =
+          static_cast<float>(c(static_cast<int>(std::max(i, j)), static_cast<int>(std::min(i, j))));
+  return Compliance::dense(std::move(matrix), rows);
+}
+
+// Points come and go, turn, touch a node twice, or are held in a grip; what is kept must be what it would be
+// made anew.
+TEST(NormalCompliance, IsKeptRightWhateverCameBefore) {
+  std::mt19937 random(5);
+  const Compliance c = some_compliance(random);
+  ContactBlock block(rows, 0, rows, 3);
+  NormalCompliance kept(block.most_plane(), 2 * rows);
+  std::vector<Vec3> normal(rows);
+  for (Vec3& n : normal) n = Vec3::Random().normalized();
+  std::size_t changed = 0;
+  for (int tick = 0; tick < 200; ++tick) {
+    std::vector<ContactPoint> points;
+    std::vector<Index> wanted;
+    for (std::size_t k = 0; k < rows; ++k) {
+      if ((k + static_cast<std::size_t>(tick / 10)) % 7 == 0) continue;
+      if (random() % 20 == 0) normal[k] = Vec3::Random().normalized(), ++changed;
+      wanted.push_back(static_cast<Index>(k));
+      ContactPoint p;
+      p.row = static_cast<Index>(k), p.normal = normal[k];
+      points.push_back(p);
+      if (k % 11 == 0) p.normal = -normal[(k + 1) % rows], points.push_back(p);  // a second instrument
+      if (k == 20 && tick % 3 == 0) {
+        points.pop_back();
+        for (int a = 0; a < 3; ++a) p.normal = Vec3::Unit(a), p.grasped = true, points.push_back(p);
+      }
+    }
+    block.require(c, wanted, 1);
+    for (ContactPoint& p : points) p.slot = block.slot_of(p.row);
+    if (tick % 4 == 0) {  // a place on three nodes
+      ContactPoint p;
+      p.slot = block.combine({points[0].slot, points[5].slot, -1}, Vec3(0.5, 0.3, 0.2));
+      p.normal = Vec3(0, 0.6, 0.8);
+      points.push_back(p);
+    }
+    kept.update(block, points, 0);
+    Eigen::MatrixXd whole =
+        Eigen::MatrixXd::Identity(static_cast<int>(kept.size()), static_cast<int>(kept.size()));
+    for (std::size_t i = 0; i < points.size(); ++i)
+      for (std::size_t j = 0; j <= i; ++j) {
+        const ContactPoint &p = points[i], &q = points[j];
+        const double exact =
+            kept.scale(i) * kept.scale(j) * p.normal.dot(block.between(p.slot, q.slot) * q.normal);
+        ASSERT_NEAR(static_cast<double>(kept.between(i, j)), exact, 1e-5) << tick << ' ' << i << ' ' << j;
+        whole(static_cast<int>(kept.row_of(i)), static_cast<int>(kept.row_of(j))) = exact;
+        whole(static_cast<int>(kept.row_of(j)), static_cast<int>(kept.row_of(i))) = exact;
+      }
+    EXPECT_GE(static_cast<double>(kept.norm()) * (1 + 1e-5),
+              Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(whole).eigenvalues().maxCoeff());
+  }
+  EXPECT_GT(changed, 200u);
+}
+
+TEST(NormalCompliance, RowsStayWhileNormalsHardlyTurn) {
+  std::mt19937 random(6);
+  const Compliance c = some_compliance(random);
+  ContactBlock block(rows, 0, rows);
+  NormalCompliance kept(block.most_plane(), rows);
+  std::vector<ContactPoint> points(10);
+  std::vector<Index> wanted;
+  for (std::size_t k = 0; k < points.size(); ++k)
+    points[k].row = static_cast<Index>(3 * k), wanted.push_back(points[k].row),
+    points[k].normal = Vec3::UnitZ();
+  block.require(c, wanted);
+  for (ContactPoint& p : points) p.slot = block.slot_of(p.row);
+  kept.update(block, points, 0.02);
+  const float before = kept.between(4, 2);
+  points[4].normal = Vec3(0.019, 0, 1).normalized();
+  kept.update(block, points, 0.02);
+  EXPECT_EQ(kept.between(4, 2), before);
+  points[4].normal = Vec3(0.021, 0, 1).normalized();
+  kept.update(block, points, 0.02);
+  EXPECT_NE(kept.between(4, 2), before);
+}
+
+TEST(ProjectedGradients, ProductsAreThoseOfTheWholeMatrix) {
+  std::mt19937 random(7);
+  for (const std::size_t n : {1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 100, 139}) {
+    const std::size_t ld = (n + 31) / 16 * 16;
+    std::vector<float> a(n * ld, 1e30f), x(ld), y(ld, 1e30f);  // above the diagonal nothing is read
+    Eigen::MatrixXd whole(static_cast<int>(n), static_cast<int>(n));
+    Eigen::VectorXd v(static_cast<int>(n));
+    for (std::size_t i = 0; i < n; ++i) {
+      x[i] = static_cast<float>(random() % 1000) / 1000 - 0.5f,
+      v[static_cast<int>(i)] = static_cast<double>(x[i]);
+      for (std::size_t j = 0; j <= i; ++j) {
+        a[i * ld + j] = static_cast<float>(random() % 1000) / 1000;
+        whole(static_cast<int>(i), static_cast<int>(j)) = whole(static_cast<int>(j), static_cast<int>(i)) =
+            static_cast<double>(a[i * ld + j]);
+      }
+    }
+    multiply_symmetric(a.data(), n, ld, x.data(), y.data());
+    const Eigen::VectorXd exact = whole * v;
+    for (std::size_t i = 0; i < n; ++i)
+      ASSERT_NEAR(static_cast<double>(y[i]), exact[static_cast<int>(i)], 2e-5) << n << ' ' << i;
+  }
+}
+
+}  // namespace
+}  // namespace palpate
