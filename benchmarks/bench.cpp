@@ -117,10 +117,10 @@ void Bench::add(std::vector<Row> rows, std::function<std::vector<Value>()> run, 
 int Bench::main(int argc, char** argv) {
   CLI::App app("Measures palpate, beside its peers where they are installed.", "palpate-bench");
   std::string json, filter;
-  bool full = false, list = false;
+  bool list = false;
   app.add_option("--json", json, "write a list of {name, value, unit, peer, peer_value, ratio, machine}");
   app.add_option("--filter", filter, "only rows whose name matches this regular expression");
-  app.add_flag("--full", full, "the long rows, too");
+  app.add_flag("--full", full_, "the long rows, too, and a million ticks of the force loop");
   app.add_flag("--list", list, "print the names and stop");
   try {
     app.parse(argc, argv);
@@ -138,7 +138,7 @@ int Bench::main(int argc, char** argv) {
   nlohmann::ordered_json out = nlohmann::ordered_json::array();
   int failed = 0;
   for (const Case& c : cases_) {
-    if ((c.full && !full && !list) || std::none_of(c.rows.begin(), c.rows.end(), wanted)) continue;
+    if ((c.full && !full_ && !list) || std::none_of(c.rows.begin(), c.rows.end(), wanted)) continue;
     if (list) {
       for (const Row& row : c.rows)
         if (wanted(row)) fmt::print("{}{}\n", row.name, c.full ? "  (--full)" : "");

@@ -58,6 +58,7 @@ class Bench {
   void add(std::vector<Row> rows, std::function<std::vector<Value>()> run, bool full = false);
   // The program: --json FILE, --full, --filter REGEX, --list.
   int main(int argc, char** argv);
+  bool full() const { return full_; }  // for cases that run longer then
 
  private:
   struct Case {
@@ -66,6 +67,7 @@ class Bench {
     bool full;
   };
   std::vector<Case> cases_;
+  bool full_ = false;
 };
 
 std::string machine();  // CPU model, processors, memory
