@@ -23,6 +23,7 @@ constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;  // turns; of the 
 // Of a normal, rad, so that its row of N^T C N may stay: in motion, which forgives a change of the forces
 // that is off by as much; and where they have to come to rest.
 constexpr double little_turned = 0.02, hardly_turned = 1e-4;
+constexpr double in_motion = 0.3, at_rest = 0.02;  // of the tolerance: so little a gap may be off in a turn
 constexpr double left_over = 0.1;     // of what the gaps were off in a turn: so small, the next one does it
 constexpr int most_products = 12;     // of a step for friction
 constexpr double enough = 0.3;        // of its residual, by which it is reduced
@@ -240,10 +241,10 @@ void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const Co
 // Pressures until the gaps hardly change: friction that follows them moves the gaps again, by a tenth, and
 // rows of N^T C N that stayed solve them not quite. False: not solved.
 bool ContactSolver::press_on(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
-                             double tolerance, int most) noexcept {
+                             double tolerance, double small, int most) noexcept {
   double first = 0;
   for (int k = 0; k < most; ++k) {
-    const double good_enough = k == 0 ? 0 : std::max(left_over * first, 0.02 * tolerance);
+    const double good_enough = k == 0 ? 0 : std::max(left_over * first, small * tolerance);
     const double off = press(block, points, mu, linear_share * tolerance, good_enough);
     if (off < 0) return false;
     if (off <= good_enough) break;
@@ -294,7 +295,8 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
       change = rub(block, points, mu);
     else if (mu > 0)
       for (int k = 0; k < sweeps; ++k) change = rub_in_turn(block, points, mu);
-    const bool solved = press_on(block, points, mu, limits.tolerance, by_newton ? most_presses : 1);
+    const bool solved = press_on(block, points, mu, limits.tolerance, limits.predicted ? in_motion : at_rest,
+                                 by_newton ? most_presses : 1);
     move(block);
     for (std::size_t i = 0; i < m; ++i) u_[i] = reached_by(block, points[i], i);
     Step s;

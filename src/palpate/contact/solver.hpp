@@ -139,7 +139,7 @@ class ContactSolver {
   double begin_rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void descend(const ContactBlock& block, std::span<const ContactPoint> points, double pressures) noexcept;
   bool press_on(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
-                int most) noexcept;
+                double small, int most) noexcept;
   void hand_over(std::span<ContactPoint> points, double mu) noexcept;
   double rub_in_turn(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
