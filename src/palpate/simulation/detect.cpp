@@ -17,8 +17,8 @@ namespace palpate {
 
 namespace {
 
-// Of the last tick's motion: farther than this nothing is foretold.
-constexpr double most_ahead = 1.5;
+// Of the last tick's motion: farther on nothing is foreseen, nor when it turns back.
+constexpr double most_ahead = 1.2;
 
 // Corners of the shape's box; of one without an end a cube of 10 cm.
 std::array<Vec3, 8> corners_of(const Shape& shape) {
@@ -65,7 +65,7 @@ void place(const Model& model, State& state, const Input& input) {
     sweep.reach = moved > 0.5 * w.shapes[i].finest ? moved : 0.0;
   }
   const double least = 10 * w.tolerance;  // less is the solver's own noise
-  w.ahead = last_squared > 8 * least * least ? std::clamp(along / last_squared, -1.0, most_ahead) : 0;
+  w.ahead = last_squared > 8 * least * least ? std::clamp(along / last_squared, 0.0, most_ahead) : 0;
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
   w.before.copy(state.loads);
