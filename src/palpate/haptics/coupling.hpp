@@ -16,11 +16,11 @@
 // Stability. For a contact of stiffness k (N/m) a tick multiplies the error of e by
 //     (B + q dt - k dt) / (B + q dt + K dt):
 // e settles without overshoot if k <= q + B / dt, and settles at all if k < K + 2 (q + B / dt). Without any
-// secant (q = 0, the first touch) these are 10,000 and 21,000 N/m for the defaults at 1 kHz; with rotation and
-// r the lever arm of the contact, no overshoot needs k dt (1 / B + r^2 / B_r) <= 1: 5,000 N/m at r = 0.1 m.
-// q learns what is stiffer, up to `stiffest`: contacts of 100,000 N/m come to rest after a few ticks of
-// chatter. A tick counts for `tick` seconds at most: one that comes late moves the instrument less, never less
-// stably.
+// secant (q = 0, the first touch) these are 10,000 and 21,000 N/m for the defaults at 1 kHz; with rotation
+// and r the lever arm of the contact, no overshoot needs k dt (1 / B + r^2 / B_r) <= 1: 5,000 N/m at r = 0.1
+// m. q learns what is stiffer, up to `stiffest`: contacts of 100,000 N/m come to rest after a few ticks of
+// chatter. A tick counts for `tick` seconds at most: one that comes late moves the instrument less, never
+// less stably.
 //
 // The hand feels the contact's force at the new pose, which is that of spring and damper. In motion at v
 // against a spring k it exceeds the static force by a^2 B v or a little more, with a = k / (K + k):

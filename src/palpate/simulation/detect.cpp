@@ -69,6 +69,7 @@ void place(const Model& model, State& state, const Input& input) {
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
   w.before.copy(state.loads);
+  w.come = 0;
 }
 
 namespace {
@@ -285,7 +286,7 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const auto softness = static_cast<double>(w.softness[at(node)]);
-    const double way = sweep.way + softness * w.sprung;
+    const double way = sweep.way + softness * w.come;
     const bool may_pass = sweep.known && way > 0.5 * shape.finest;
     if (w.u_number[at(node)] != w.stamp(state.loads.number)) {
       const double within = (may_pass ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
@@ -386,7 +387,6 @@ void detect(const Model& model, State& state, const Surface& surface) {
   for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
     add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
-  w.sprung = 0;
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     find_candidates(model, state, surface, i, w.reach, drifted);
     find_faces(model, state, surface, i, drifted);
@@ -421,7 +421,6 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   const double drifted = drift(model, state, surface);
-  w.sprung = state.loads.u_known && w.before.u_known ? drift(model, state, w.before) : 0;
   // Whether what is too far to be looked at again was too far for detect() too.
   const bool all_near =
       model.settings.mode == Mode::unilateral && (drifted - w.drifted_before) * w.softest <= w.reach;
@@ -430,7 +429,7 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (!all_near) {  // near_now() looks so far for what has passed through
-      const double way = w.sweeps[i].way + w.softest * w.sprung;
+      const double way = w.sweeps[i].way + w.softest * w.come;
       const bool may_pass = w.sweeps[i].known && way > 0.5 * w.shapes[i].finest;
       find_candidates(model, state, surface, i, may_pass ? 1.5 * way : -w.tolerance, drifted);
     }

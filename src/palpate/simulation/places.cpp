@@ -424,9 +424,7 @@ bool add_places(const Model& model, State& state, const Surface& surface, bool e
   bool added = false;
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (w.faces.thickness[i] == 0) continue;
-    if (!found) {
-      find_faces(model, state, surface, i, drifted);
-    }
+    if (!found) find_faces(model, state, surface, i, drifted);
     if (!early) added = add_places_of(model, state, i, Look::again, early) || added;
   }
   const bool off = !early && places_are_off(model, state);

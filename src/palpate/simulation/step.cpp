@@ -176,14 +176,14 @@ void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations, false, true};
   SolveResult result;
-  w.round = 0, w.left = 0, w.come = 0;
+  w.round = 0, w.left = 0;
   if (w.places > 0) add_places(model, state, surface, true);  // where instruments went on
   for (; w.round < most_rounds; ++w.round) {
     face_places(model, state);
     hold(model, state);
     displace_points(state);
     for (ContactPoint& c : w.points) c.foreseen.setZero();
-    limits.exact = state.loads.number % exact_every == 0 || model.settings.mode != Mode::unilateral;
+    limits.exact = state.loads.number % exact_every == 0;
     limits.predicted = w.round == 0 && model.settings.mode == Mode::unilateral && predict(model, state);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed

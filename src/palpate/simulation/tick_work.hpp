@@ -42,8 +42,8 @@ struct StepScratch {
         compliance_rows(9 * most),
         faces(model.organ, model.instruments, clusters) {}
 
-  // Of a displacement that was read off the block: its last bits depend on the order of the slots, so it holds
-  // only while they keep it. When it is asked for must not decide.
+  // Of a displacement that was read off the block: its last bits depend on the order of the slots, so it
+  // holds only while they keep it. When it is asked for must not decide.
   std::uint64_t stamp(std::uint64_t number) const noexcept { return number + (block.moves() << 40); }
 
   // The model's own, in case another organ has been put into it since.
@@ -78,7 +78,7 @@ struct StepScratch {
   std::vector<Vec3> u_known;
   std::vector<double> travelled_then;
   double travelled = 0;  // sum of sqrt(df.C df) over all changes of the loads, sqrt J
-  double come = 0;       // of that from the last tick's loads to the last round's
+  double come = 0;       // from the last tick's loads to the tick's own so far, sqrt J
   // Loads as the block takes them.
   struct Spread {
     std::vector<Index> slots;
@@ -110,7 +110,6 @@ struct StepScratch {
   std::vector<std::uint8_t> is_wanted;        // of each row: in hold(), let_go()
   double softest = 0;                         // the largest softness
   double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
-  double sprung = 0;                          // from these to the tick's own so far, sqrt J
   double size = 0, tolerance = 0, reach = 0;  // m
 };
 
@@ -125,6 +124,7 @@ inline Pose normalized(Pose p) {
 void place(const Model& model, State& state, const Input& input);
 // Gives slots in the contact block to the points and the loads.
 void hold(const Model& model, State& state);
+// The loads as the block takes them now.
 void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread);
 void forget_near(StepScratch& w);
 void add_near(StepScratch& w, Index node);
