@@ -4,7 +4,7 @@
 #include <cstring>
 #include <utility>
 
-#include "palpate/contact/clones.hpp"
+#include "palpate/base/clones.hpp"
 #include "palpate/contact/lanes.hpp"
 
 namespace palpate {

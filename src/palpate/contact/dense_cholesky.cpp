@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/contact/clones.hpp"
+#include "palpate/base/clones.hpp"
 
 namespace palpate {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/contact/clones.hpp"
+#include "palpate/base/clones.hpp"
 #include "palpate/contact/lanes.hpp"
 #include "palpate/contact/solver.hpp"
 

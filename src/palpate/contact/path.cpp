@@ -95,9 +95,12 @@ Path path_from(const PlacedShape& shape, const Vec3& from) noexcept {
 }
 
 Gap gap_by_path(const PlacedShape& placed, const Path& path, const Vec3& p, Path* gone) noexcept {
-  const Shape& shape = *placed.shape;
   const Vec3 own = placed.own(p);
-  Gap g = gap(shape, own);
+  return gap_by_path(placed, path, own, gap(*placed.shape, own), gone);
+}
+
+Gap gap_by_path(const PlacedShape& placed, const Path& path, const Vec3& own, Gap g, Path* gone) noexcept {
+  const Shape& shape = *placed.shape;
   const auto plain = [&] {
     const double inside = std::min(g.distance, 0.0);
     if (gone) *gone = {own - inside / g.slope * g.normal, g.normal, g.distance - inside, true};

@@ -27,6 +27,9 @@ Path path_from(const PlacedShape& shape, const Vec3& from) noexcept;
 // where that points to the side p came from. gone: the path when p has gone there, from p itself or if that
 // is inside from its proxy.
 Gap gap_by_path(const PlacedShape& shape, const Path& path, const Vec3& p, Path* gone = nullptr) noexcept;
+// The same where the plain gap at `own`, p in the shape's frame, is known.
+Gap gap_by_path(const PlacedShape& shape, const Path& path, const Vec3& own, Gap plain,
+                Path* gone = nullptr) noexcept;
 
 // Whether the straight way from a to b (shape frame) may come nearer to the shape than `clearance`.
 bool passes(const Shape& shape, const Vec3& a, const Vec3& b, double clearance) noexcept;

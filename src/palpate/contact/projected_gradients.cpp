@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/contact/clones.hpp"
+#include "palpate/base/clones.hpp"
 #include "palpate/contact/lanes.hpp"
 
 namespace palpate {

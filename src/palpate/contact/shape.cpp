@@ -26,6 +26,11 @@ Gap cuboid_gap(const Vec3& half, const Vec3& p) {
   return {inside, sign[axis] * Vec3::Unit(axis)};
 }
 
+Gap gap_from(const LatticeSample& s) {
+  const double slope = s.gradient.norm();
+  return {s.distance, slope > 1e-9 ? Vec3(s.gradient / slope) : Vec3::UnitZ(), std::clamp(slope, 0.1, 2.0)};
+}
+
 struct GapAt {
   const Vec3& p;
   Gap operator()(const Sphere& s) const { return from_centre(p, s.radius); }
@@ -36,9 +41,7 @@ struct GapAt {
   Gap operator()(const HalfSpace&) const { return {p.z(), Vec3::UnitZ()}; }
   template <class AnyLattice>
   Gap operator()(const std::shared_ptr<const AnyLattice>& lattice) const {
-    const LatticeSample s = lattice->smooth(p);
-    const double slope = s.gradient.norm();
-    return {s.distance, slope > 1e-9 ? Vec3(s.gradient / slope) : Vec3::UnitZ(), std::clamp(slope, 0.1, 2.0)};
+    return gap_from(lattice->smooth(p));
   }
 };
 
@@ -107,6 +110,17 @@ double distance_bound(const Shape& shape, const Vec3& p) noexcept {
 }
 
 Gap gap(const Shape& shape, const Vec3& p) noexcept { return std::visit(GapAt{p}, shape); }
+
+void gaps(const Shape& shape, std::span<const Vec3> points, std::span<Gap> out) noexcept {
+  const auto* whole = std::get_if<std::shared_ptr<const Lattice>>(&shape);
+  std::array<LatticeSample, 32> samples;
+  for (std::size_t first = 0; first < points.size(); first += samples.size()) {
+    const std::size_t count = std::min(samples.size(), points.size() - first);
+    if (whole) (*whole)->smooth(points.subspan(first, count), samples);
+    for (std::size_t i = 0; i < count; ++i)
+      out[first + i] = whole ? gap_from(samples[i]) : gap(shape, points[first + i]);
+  }
+}
 
 double finest(const Shape& shape) noexcept { return std::visit(FinestOf{}, shape); }
 

@@ -37,6 +37,8 @@ struct Gap {
 
 double distance(const Shape& shape, const Vec3& p) noexcept;
 Gap gap(const Shape& shape, const Vec3& p) noexcept;
+// The same bits for many points, of a lattice several times faster.
+void gaps(const Shape& shape, std::span<const Vec3> points, std::span<Gap> out) noexcept;
 // distance() is no less, and takes longer.
 double distance_bound(const Shape& shape, const Vec3& p) noexcept;
 // Half the thickness of the thinnest part that is told apart, m: a way shorter than this goes through

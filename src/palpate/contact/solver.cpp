@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "palpate/contact/clones.hpp"
+#include "palpate/base/clones.hpp"
 #include "palpate/contact/dense_cholesky.hpp"
 #include "palpate/contact/projected_gradients.hpp"
 

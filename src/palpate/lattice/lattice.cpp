@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <mutex>
 
+#include "palpate/base/clones.hpp"
 #include "palpate/base/parallel_for.hpp"
 #include "palpate/base/timer.hpp"
 #include "palpate/lattice/cell.hpp"
@@ -288,56 +290,71 @@ double Lattice::distance(const Vec3& p) const noexcept {
 
 namespace {
 
-// Four numbers along z, as two registers: what every processor has.
-struct Four {
-  using Two = double __attribute__((vector_size(16)));
-  Two low{}, high{};
-  void add(double w, const Four& v) noexcept { low += w * v.low, high += w * v.high; }
-  double with(const double* k) const noexcept { return (low[0] * k[0] + low[1] * k[1]) + high[0] * k[2]; }
-};
+// Four numbers along z.
+using Four [[gnu::vector_size(32)]] = double;
 
-Four four(const float* r) noexcept {
-  using Floats = float __attribute__((vector_size(8)));
-  Floats low, high;
-  std::memcpy(&low, r, sizeof low), std::memcpy(&high, r + 2, sizeof high);
-  return {__builtin_convertvector(low, Four::Two), __builtin_convertvector(high, Four::Two)};
-}
-
-// The spline from its 27 grid points, the first of them at `corner`; a row ends after a fourth.
-LatticeSample spline_inside(const float* corner, std::size_t row, std::size_t sheet, const Vec3& t,
-                            double h) noexcept {
-  double w[3][3], dw[3][3];
-  for (int a = 0; a < 3; ++a) {
-    const double x = t[a];
-    w[a][0] = 0.5 * (0.5 - x) * (0.5 - x), w[a][1] = 0.75 - x * x, w[a][2] = 0.5 * (0.5 + x) * (0.5 + x);
-    dw[a][0] = x - 0.5, dw[a][1] = -2 * x, dw[a][2] = x + 0.5;
-  }
-  Four d, gx, gy;
-  for (std::size_t i = 0; i < 3; ++i) {
-    Four along, slope;
-    for (std::size_t j = 0; j < 3; ++j) {
-      const Four v = four(corner + i * sheet + j * row);
-      along.add(w[1][j], v), slope.add(dw[1][j], v);
+// Splines from their 27 grid points each, where these and a fourth along z are all in the grid; elsewhere the
+// distance is left no number. One loop with nothing to call, so that points overlap: what one takes is mostly
+// waiting.
+PALPATE_CLONES void splines_inside(const float* values, const std::int32_t* n, const std::int32_t* stored,
+                                   const double* origin, double h, std::span<const Vec3> points,
+                                   LatticeSample* out) noexcept {
+  using Floats [[gnu::vector_size(16)]] = float;
+  const auto row = static_cast<std::size_t>(stored[2]), sheet = row * static_cast<std::size_t>(stored[1]);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    double w[3][3], dw[3][3];
+    std::size_t middle[3];
+    bool inside = true;
+    for (int a = 0; a < 3; ++a) {
+      const double x = (points[i].data()[a] - origin[a]) / h;
+      inside = inside && x >= 0.5 && x < n[a] - (a == 2 ? 2.5 : 1.5);
+      const auto m = static_cast<std::int32_t>(inside ? x + 0.5 : 1.0);
+      middle[a] = static_cast<std::size_t>(m);
+      const double t = x - m;
+      w[a][0] = 0.5 * (0.5 - t) * (0.5 - t), w[a][1] = 0.75 - t * t, w[a][2] = 0.5 * (0.5 + t) * (0.5 + t);
+      dw[a][0] = t - 0.5, dw[a][1] = -2 * t, dw[a][2] = t + 0.5;
     }
-    d.add(w[0][i], along), gx.add(dw[0][i], along), gy.add(w[0][i], slope);
+    if (!inside) {
+      out[i].distance = std::numeric_limits<double>::quiet_NaN();
+      continue;
+    }
+    const float* corner = values + (middle[0] - 1) * sheet + (middle[1] - 1) * row + middle[2] - 1;
+    Four d = {}, gx = {}, gy = {};
+    for (std::size_t j = 0; j < 3; ++j) {
+      Four along = {}, slope = {};
+      for (std::size_t k = 0; k < 3; ++k) {
+        Floats floats;
+        std::memcpy(&floats, corner + j * sheet + k * row, sizeof floats);
+        const Four v = __builtin_convertvector(floats, Four);
+        along += w[1][k] * v, slope += dw[1][k] * v;
+      }
+      d += w[0][j] * along, gx += dw[0][j] * along, gy += w[0][j] * slope;
+    }
+    const double *const z = w[2], *const dz = dw[2];
+    out[i].distance = (d[0] * z[0] + d[1] * z[1]) + d[2] * z[2];
+    double* const g = out[i].gradient.data();
+    g[0] = ((gx[0] * z[0] + gx[1] * z[1]) + gx[2] * z[2]) / h;
+    g[1] = ((gy[0] * z[0] + gy[1] * z[1]) + gy[2] * z[2]) / h;
+    g[2] = ((d[0] * dz[0] + d[1] * dz[1]) + d[2] * dz[2]) / h;
   }
-  return {d.with(w[2]), Vec3(gx.with(w[2]), gy.with(w[2]), d.with(dw[2])) / h};
 }
 
 }  // namespace
 
+void Lattice::smooth(std::span<const Vec3> points, std::span<LatticeSample> out) const noexcept {
+  splines_inside(distance_.data(), grid_.n.data(), stored_.data(), grid_.origin.data(), grid_.h, points,
+                 out.data());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (std::isnan(out[i].distance)) out[i] = smooth_anywhere(points[i]);
+}
+
 LatticeSample Lattice::smooth(const Vec3& p) const noexcept {
-  const Vec3 x = (p - grid_.origin) / grid_.h;
-  if (x[0] >= 0.5 && x[1] >= 0.5 && x[2] >= 0.5 && x[0] < grid_.n[0] - 1.5 && x[1] < grid_.n[1] - 1.5 &&
-      x[2] < grid_.n[2] - 2.5) {
-    const std::array<std::int32_t, 3> middle{static_cast<std::int32_t>(x[0] + 0.5),
-                                             static_cast<std::int32_t>(x[1] + 0.5),
-                                             static_cast<std::int32_t>(x[2] + 0.5)};
-    const auto row = static_cast<std::size_t>(stored_[2]), sheet = row * static_cast<std::size_t>(stored_[1]);
-    const std::size_t corner = Grid::number(stored_, middle) - sheet - row - 1;
-    return spline_inside(distance_.data() + corner, row, sheet, x - Vec3(middle[0], middle[1], middle[2]),
-                         grid_.h);
-  }
+  LatticeSample s;
+  smooth(std::span(&p, 1), std::span(&s, 1));
+  return s;
+}
+
+LatticeSample Lattice::smooth_anywhere(const Vec3& p) const noexcept {
   const Spline spline(grid_, p);
   std::array<double, 27> values;
   for (std::size_t i = 0; i < 3; ++i)
