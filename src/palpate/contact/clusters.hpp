@@ -61,12 +61,12 @@ struct ClusterBounds {
   void update(const Clusters& of, std::span<const Vec3> positions) noexcept;
 };
 
-// Calls found(node, distance) for every node that may be nearer to the shape than `reach` (m) when each has
-// moved from `positions` by up to its softness times `drift`; distance: where it was. In the order of the
-// clusters. Nodes for which skip(node) are left out.
-template <class Found, class Skip>
-void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
-                const PlacedShape& shape, double reach, double drift, Found&& found, Skip&& skip) noexcept {
+// Calls look(node, within) for the nodes of the clusters that may hold one nearer to the shape than `reach`
+// (m) when each has moved from `positions` by up to its softness times `drift`: those whose distance there
+// may be less than `within`. In the order of the clusters.
+template <class Look>
+void look_near(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
+               const PlacedShape& shape, double reach, double drift, Look&& look) noexcept {
   // How far from the shape's surface the ball's centre is; infinite: no node in it is near.
   const auto away = [&](const Ball& ball, float softness) {
     const double grown = ball.radius + reach + drift * static_cast<double>(softness);
@@ -84,23 +84,26 @@ void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span
       if (from_center > 1e300) continue;
       for (auto i = static_cast<std::size_t>(clusters.begin[c]);
            i < static_cast<std::size_t>(clusters.begin[c + 1]); ++i) {
-        if (skip(clusters.nodes[i])) continue;
         const Vec3& p = positions[static_cast<std::size_t>(clusters.nodes[i])];
         const double within = reach + drift * static_cast<double>(clusters.softness[i]);
         const double off = from_center - within;  // the ball's centre is so much too far, and p not nearer
         if (off > 0 && (p - ball.center).squaredNorm() < off * off) continue;
-        if (!shape.may_be_nearer(p, within)) continue;
-        const double d = shape.distance(p);
-        if (d < within) found(clusters.nodes[i], d);
+        look(clusters.nodes[i], within);
       }
     }
   }
 }
 
+// Calls found(node, distance) for every node that is nearer than `reach`, in the order of the clusters.
 template <class Found>
 void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
-                const PlacedShape& shape, double reach, double drift, Found&& found) noexcept {
-  near_nodes(clusters, bounds, positions, shape, reach, drift, found, [](Index) { return false; });
+                const PlacedShape& shape, double reach, Found&& found) noexcept {
+  look_near(clusters, bounds, positions, shape, reach, 0, [&](Index node, double within) {
+    const Vec3& p = positions[static_cast<std::size_t>(node)];
+    if (!shape.may_be_nearer(p, within)) return;
+    const double d = shape.distance(p);
+    if (d < within) found(node, d);
+  });
 }
 
 }  // namespace palpate

@@ -34,42 +34,50 @@ PALPATE_CLONES void add(const Triple* t, std::size_t ld, std::size_t n, double* 
         (((cx[i] * c.x + cy[i] * c.y) + cz[i] * c.z) + ((dx[i] * d.x + dy[i] * d.y) + dz[i] * d.z)));
 }
 
+// Eight slots at a time: C against the slots before these, both ways, their u by its force, and what theirs
+// do to it; among the eight one way, as all of it is there. Two of them together, for what the registers
+// hold.
 PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t slots, const float* f,
                              float* u) noexcept {
-  static constexpr std::int32_t keep[2 * lanes] = {-1, -1, -1, -1, -1, -1, -1, -1};
-  for (std::size_t i = 0; i < slots; ++i) {
-    const float *rows = values + 9 * plane * i, own[3] = {f[i], f[plane + i], f[2 * plane + i]};
-    Lanes sum[3] = {};
-    for (std::size_t b = 0; b < 3; ++b) {
-      const float *x = rows + b * plane, *y = x + 3 * plane, *z = y + 3 * plane, *fb = f + b * plane;
-      float* ub = u + b * plane;
-      // C against the slots before this one, both ways: their u by its force, and what theirs do to it.
-      for (std::size_t k = 0; k < i; k += lanes) {
-        Lanes cx = at(x + k), cy = at(y + k), cz = at(z + k);
-        if (k + lanes > i) {  // not the slots after it
-          const Mask mask = *reinterpret_cast<const LooseMask*>(keep + lanes - (i - k));
-          cx = reinterpret_cast<Lanes>(reinterpret_cast<Mask>(cx) & mask);
-          cy = reinterpret_cast<Lanes>(reinterpret_cast<Mask>(cy) & mask);
-          cz = reinterpret_cast<Lanes>(reinterpret_cast<Mask>(cz) & mask);
+  for (std::size_t first = 0; first < slots; first += lanes) {
+    Lanes sums[3][lanes];
+    for (std::size_t l = 0; l < lanes; l += 2) {
+      const std::size_t i = first + l;
+      const float *p = values + 9 * plane * i, *q = p + 9 * plane;
+      const float px = f[i], py = f[plane + i], pz = f[2 * plane + i];
+      const float qx = f[i + 1], qy = f[plane + i + 1], qz = f[2 * plane + i + 1];
+      Lanes p0 = {}, p1 = {}, p2 = {}, q0 = {}, q1 = {}, q2 = {};
+      for (std::size_t b = 0; b < 3; ++b, p += plane, q += plane) {
+        const float *p_y = p + 3 * plane, *p_z = p_y + 3 * plane, *q_y = q + 3 * plane,
+                    *q_z = q_y + 3 * plane;
+        const float* fb = f + b * plane;
+        float* ub = u + b * plane;
+        for (std::size_t k = 0; k < first; k += lanes) {
+          const Lanes force = at(fb + k), x = at(p + k), y = at(p_y + k), z = at(p_z + k);
+          p0 += x * force, p1 += y * force, p2 += z * force;
+          Lanes moved = (x * px + y * py) + z * pz;
+          const Lanes qc = at(q + k), qd = at(q_y + k), qe = at(q_z + k);
+          q0 += qc * force, q1 += qd * force, q2 += qe * force;
+          moved += (qc * qx + qd * qy) + qe * qz;
+          at(ub + k) += moved;
         }
-        const Lanes force = at(fb + k);
-        at(ub + k) += (cx * own[0] + cy * own[1]) + cz * own[2];
-        sum[0] += cx * force, sum[1] += cy * force, sum[2] += cz * force;
+        const Lanes force = at(fb + first);
+        p0 += at(p + first) * force, p1 += at(p_y + first) * force, p2 += at(p_z + first) * force;
+        q0 += at(q + first) * force, q1 += at(q_y + first) * force, q2 += at(q_z + first) * force;
       }
+      sums[0][l] = p0, sums[1][l] = p1, sums[2][l] = p2;
+      sums[0][l + 1] = q0, sums[1][l + 1] = q1, sums[2][l + 1] = q2;
     }
-    for (std::size_t a = 0; a < 3; ++a) {
-      const float* row = rows + 3 * a * plane + i;
-      u[a * plane + i] += ((row[0] * own[0] + row[plane] * own[1]) + row[2 * plane] * own[2]) + total(sum[a]);
-    }
+    for (std::size_t a = 0; a < 3; ++a) add_totals(sums[a], at(u + a * plane + first));
   }
 }
 
 // Three rows of C times forces, in whole lanes.
-PALPATE_CLONES void dot_rows(const float* rows, std::size_t plane, std::size_t slots, const float* f,
-                             float* u) noexcept {
+PALPATE_CLONES void dot_rows(const float* rows, std::size_t ld, std::size_t slots, const float* f,
+                             std::size_t plane, float* u) noexcept {
   Lanes sum[3] = {};
   for (std::size_t b = 0; b < 3; ++b) {
-    const float *x = rows + b * plane, *y = x + 3 * plane, *z = y + 3 * plane, *fb = f + b * plane;
+    const float *x = rows + b * ld, *y = x + 3 * ld, *z = y + 3 * ld, *fb = f + b * plane;
     for (std::size_t k = 0; k < slots; k += lanes) {
       const Lanes force = at(fb + k);
       sum[0] += at(x + k) * force;
@@ -84,6 +92,10 @@ PALPATE_CLONES void dot_rows(const float* rows, std::size_t plane, std::size_t s
 constexpr std::size_t at_once = 32;
 
 constexpr std::size_t least_plane = 64;
+// Fills that watched rows catch up with one by one; of more, all is fetched anew.
+constexpr std::size_t remembered = 64;
+// Slots that a call moves at most to close gaps: what that costs is spread over calls.
+constexpr int most_moves = 2;
 
 }  // namespace
 
@@ -92,12 +104,18 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_
       watchable_(watched),
       first_watched_((capacity + combined + 15) / 16 * 16),
       plane_(std::min(first_watched_, least_plane)),
-      values_(9 * (first_watched_ + watched) * first_watched_),
-      fetched_(9 * at_once * std::max(capacity, watched)),
+      values_(9 * first_watched_ * first_watched_),
+      watched_values_(9 * watched * first_watched_),
+      fetched_(9 * std::max(at_once * capacity, remembered)),
       slot_of_row_(rows, -1),
       row_of_slot_(first_watched_ + watched, -1),
-      wanted_(first_watched_, 0) {
+      wanted_(first_watched_, 0),
+      filled_(remembered),
+      known_(watched, 0),
+      added_(std::max(capacity, remembered)),
+      rows_(std::max(capacity, remembered)) {
   std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
+  std::fill_n(watched_values_.data(), watched_values_.size(), 0.0f);
 }
 
 Mat3 ContactBlock::between(Index i, Index j) const noexcept {
@@ -121,7 +139,12 @@ void ContactBlock::spread(std::span<const Index> loaded, std::span<const Vec3> f
 
 Vec3 ContactBlock::displacement(Index slot, std::span<const float> forces) const noexcept {
   float u[3];
-  dot_rows(row(slot, 0), plane_, nodes_width(), forces.data(), u);
+  const auto s = static_cast<std::size_t>(slot);
+  if (is_loadable(slot))
+    dot_rows(row(slot, 0), plane_, nodes_width(), forces.data(), plane_, u);
+  else
+    dot_rows(watched_values_.data() + 9 * (s - first_watched_) * first_watched_, first_watched_,
+             nodes_width(), forces.data(), plane_, u);
   return Vec3f(u[0], u[1], u[2]).cast<double>();
 }
 
@@ -168,13 +191,8 @@ void ContactBlock::add_product(std::span<const float> f, std::span<float> u) con
   multiply(values_.data(), plane_, used(), f.data(), u.data());
 }
 
-// Rows stand close, so that what a product reads is one stream; what is watched is fetched again when it is
-// wanted.
+// Rows stand close, so that what a product reads is one stream.
 void ContactBlock::widen(std::size_t plane) noexcept {
-  for (std::size_t k = first_watched_; k < first_watched_ + watched_; ++k)
-    if (Index& slot = slot_of_row_[static_cast<std::size_t>(row_of_slot_[k])]; slot == static_cast<Index>(k))
-      slot = -1;
-  watched_ = oldest_ = 0;
   const auto move = [&](std::size_t r) {
     std::memmove(values_.data() + r * plane, values_.data() + r * plane_, used_ * sizeof(float));
   };
@@ -185,74 +203,100 @@ void ContactBlock::widen(std::size_t plane) noexcept {
   plane_ = plane;
 }
 
+// Another row in a loadable slot.
+void ContactBlock::fill(std::size_t slot, Index row) noexcept {
+  row_of_slot_[slot] = row;
+  slot_of_row_[static_cast<std::size_t>(row)] = static_cast<Index>(slot);
+  filled_[fills_++ % remembered] = static_cast<Index>(slot);
+}
+
 // A loadable slot's row and column.
 void ContactBlock::move_slot(std::size_t from, std::size_t to) noexcept {
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t b = 0; b < 3; ++b)
       std::copy_n(values_of(from, a) + b * plane_, used_, values_of(to, a) + b * plane_);
-  for (const auto& [first, count] :
-       {std::pair(std::size_t{0}, used_), std::pair(plane_, watched_)})  // places
-    for (std::size_t r = 9 * first; r < 9 * (first + count); ++r)
-      values_[r * plane_ + to] = values_[r * plane_ + from];
-  row_of_slot_[to] = row_of_slot_[from];
-  slot_of_row_[static_cast<std::size_t>(row_of_slot_[to])] = static_cast<Index>(to);
+  for (std::size_t r = 0; r < 9 * used_; ++r)  // places
+    values_[r * plane_ + to] = values_[r * plane_ + from];
+  wanted_[to] = wanted_[from];
+  fill(to, row_of_slot_[from]);
 }
 
-// The last loadable slots move into the holes of those that are not wanted.
-void ContactBlock::drop_unwanted() noexcept {
-  ++moves_;
-  std::size_t last = used_;
-  for (std::size_t i = 0; i < last; ++i)
-    if (!wanted_[i]) slot_of_row_[static_cast<std::size_t>(row_of_slot_[i])] = -1;
-  for (std::size_t to = 0; to < last; ++to) {
-    if (wanted_[to]) continue;
-    while (last > to + 1 && !wanted_[last - 1]) --last;
-    if (--last > to) move_slot(last, to);
+// A slot for another row: a new one, or that of the row wanted longest ago.
+Index ContactBlock::slot_for(std::size_t allowed) noexcept {
+  if (used_ < allowed) return static_cast<Index>(used_++);
+  const auto slot = std::min_element(wanted_.begin(), wanted_.begin() + static_cast<std::ptrdiff_t>(used_));
+  const std::ptrdiff_t place = slot - wanted_.begin();
+  slot_of_row_[static_cast<std::size_t>(row_of_slot_[static_cast<std::size_t>(place)])] = -1;
+  return static_cast<Index>(place);
+}
+
+// The last loadable slots go, or move into the places of those that are not wanted.
+void ContactBlock::shrink(std::size_t allowed) noexcept {
+  for (int moved = 0; used_ > allowed;) {
+    const std::size_t last = used_ - 1;
+    if (wanted_[last] == calls_) {
+      if (moved++ == most_moves) return;
+      const auto gap = std::find_if(wanted_.begin(), wanted_.end(), [&](auto w) { return w != calls_; });
+      const auto to = static_cast<std::size_t>(gap - wanted_.begin());
+      slot_of_row_[static_cast<std::size_t>(row_of_slot_[to])] = -1;
+      move_slot(last, to);
+      ++moves_;
+    } else {
+      slot_of_row_[static_cast<std::size_t>(row_of_slot_[last])] = -1;
+    }
+    --used_;
   }
-  used_ = last;
 }
 
 // The rows of some loadable slots, and their mirror image: C is symmetric.
-void ContactBlock::fetch(const Compliance& compliance, std::size_t first, std::size_t last) noexcept {
-  for (; first < last; first += at_once) {
-    const std::size_t count = std::min(at_once, last - first), end = first + count;
-    const std::span<const Index> added = rows_of(first, count);
-    const auto fetch_against = [&](std::size_t begin, std::size_t columns, auto&& put) {
-      const std::size_t ld = 3 * columns;
-      compliance.block(added, rows_of(begin, columns), {fetched_.data(), 3 * count * ld}, ld);
-      for (std::size_t i = first; i < end; ++i)
+void ContactBlock::fetch(const Compliance& compliance, std::span<const Index> slots) noexcept {
+  for (std::size_t first = 0; first < slots.size(); first += at_once) {
+    const std::span<const Index> some = slots.subspan(first, std::min(at_once, slots.size() - first));
+    for (std::size_t k = 0; k < some.size(); ++k) rows_[k] = row_of_slot_[static_cast<std::size_t>(some[k])];
+    const std::size_t ld = 3 * used_;
+    compliance.block({rows_.data(), some.size()}, {row_of_slot_.data(), used_},
+                     {fetched_.data(), 3 * some.size() * ld}, ld);
+    for (std::size_t k = 0; k < some.size(); ++k)
+      for (std::size_t j = 0; j < used_; ++j)
         for (std::size_t a = 0; a < 3; ++a)
-          for (std::size_t j = 0; j < columns; ++j)
-            for (std::size_t b = 0; b < 3; ++b)
-              put(i, a, begin + j, b, fetched_[(3 * (i - first) + a) * ld + 3 * j + b]);
-    };
-    fetch_against(0, end, [&](std::size_t i, std::size_t a, std::size_t j, std::size_t b, float c) {
-      values_of(i, a)[b * plane_ + j] = c;
-      if (j < first) values_of(j, b)[a * plane_ + i] = c;
-    });
-    if (watched_ > 0)
-      fetch_against(first_watched_, watched_,
-                    [&](std::size_t i, std::size_t a, std::size_t j, std::size_t b, float c) {
-                      values_of(j, b)[a * plane_ + i] = c;
-                    });
+          for (std::size_t b = 0; b < 3; ++b) {
+            const auto i = static_cast<std::size_t>(some[k]);
+            const float c = fetched_[(3 * k + a) * ld + 3 * j + b];
+            values_of(i, a)[b * plane_ + j] = values_of(j, b)[a * plane_ + i] = c;
+          }
   }
 }
 
 Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept {
   if (watchable_ == 0) return -1;
-  if (watched_ < watchable_) oldest_ = watched_++;
-  const std::size_t slot = first_watched_ + oldest_;
-  oldest_ = (oldest_ + 1) % watchable_;
-  if (const Index before = std::exchange(row_of_slot_[slot], watched);
-      before >= 0 && slot_of_row_[static_cast<std::size_t>(before)] == static_cast<Index>(slot))
-    slot_of_row_[static_cast<std::size_t>(before)] = -1;
-  slot_of_row_[static_cast<std::size_t>(watched)] = static_cast<Index>(slot);
-  const std::size_t ld = 3 * used_;
-  if (used_ > 0) compliance.block({&watched, 1}, rows_of(0, used_), {fetched_.data(), 3 * ld}, ld);
+  Index& own = slot_of_row_[static_cast<std::size_t>(watched)];
+  const bool is_new = own < 0;
+  if (is_new) {
+    if (watched_ < watchable_) oldest_ = watched_++;
+    own = static_cast<Index>(first_watched_ + oldest_);
+    oldest_ = (oldest_ + 1) % watchable_;
+    const Index before = std::exchange(row_of_slot_[static_cast<std::size_t>(own)], watched);
+    if (before >= 0 && before != watched && slot_of_row_[static_cast<std::size_t>(before)] == own)
+      slot_of_row_[static_cast<std::size_t>(before)] = -1;
+  }
+  const auto slot = static_cast<std::size_t>(own);
+  std::uint64_t& known = known_[slot - first_watched_];
+  const bool all = is_new || fills_ - known > remembered;
+  std::size_t n = all ? used_ : 0;
+  for (; !all && known < fills_; ++known)
+    if (const Index filled = filled_[known % remembered]; static_cast<std::size_t>(filled) < used_)
+      added_[n] = filled, rows_[n++] = row_of_slot_[static_cast<std::size_t>(filled)];
+  known = fills_;
+  if (n == 0) return own;
+  const std::size_t ld = 3 * n;
+  compliance.block({&watched, 1}, {all ? row_of_slot_.data() : rows_.data(), n}, {fetched_.data(), 3 * ld},
+                   ld);
   for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t j = 0; j < used_; ++j)
-      for (std::size_t b = 0; b < 3; ++b) values_of(slot, a)[b * plane_ + j] = fetched_[a * ld + 3 * j + b];
-  return static_cast<Index>(slot);
+    for (std::size_t j = 0; j < n; ++j)
+      for (std::size_t b = 0; b < 3; ++b)
+        watched_row(slot)[(3 * a + b) * first_watched_ + (all ? j : static_cast<std::size_t>(added_[j]))] =
+            fetched_[a * ld + 3 * j + b];
+  return own;
 }
 
 Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept {
@@ -279,29 +323,30 @@ Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weigh
 
 void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows,
                            std::size_t combined) noexcept {
-  std::size_t missing = 0, present = 0;
+  ++calls_;
   combined_ = 0;
-  std::fill(wanted_.begin(), wanted_.end(), std::uint8_t{0});
   for (const Index row : rows) {
     Index& slot = slot_of_row_[static_cast<std::size_t>(row)];
-    if (!is_loadable(slot)) {
+    if (is_loadable(slot))
+      wanted_[static_cast<std::size_t>(slot)] = calls_;
+    else
       slot = -1;  // watched so far
-      ++missing;
-    } else {
-      present += !std::exchange(wanted_[static_cast<std::size_t>(slot)], std::uint8_t{1});
-    }
   }
   // Every product of a solver runs over all slots: idle ones cost more than fetching them again.
-  if (used_ + missing > capacity_ || used_ > present + present / 16 + 4) drop_unwanted();
-  const std::size_t old = used_, need = used_ + missing + combined;
+  const std::size_t allowed = std::min(capacity_, rows.size() + rows.size() / 16 + 4);
+  std::size_t added = 0;
+  for (const Index row : rows) {
+    if (slot_of(row) >= 0) continue;
+    const Index slot = slot_for(allowed);
+    wanted_[static_cast<std::size_t>(slot)] = calls_;
+    fill(static_cast<std::size_t>(slot), row);
+    added_[added++] = slot;
+  }
+  const std::size_t need = used_ + combined;
   if (need > plane_ || (plane_ > least_plane && need < plane_ / 3))
     widen(std::min(first_watched_, std::max(least_plane, (need + need / 4 + 15) / 16 * 16)));
-  for (const Index row : rows)
-    if (slot_of(row) < 0) {
-      row_of_slot_[used_] = row;
-      slot_of_row_[static_cast<std::size_t>(row)] = static_cast<Index>(used_++);
-    }
-  if (used_ > old) fetch(compliance, old, used_);
+  fetch(compliance, {added_.data(), added});
+  shrink(allowed);
 }
 
 }  // namespace palpate

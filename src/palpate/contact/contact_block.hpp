@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -19,21 +20,21 @@ class ContactBlock {
   ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined = 0);
 
   // Makes slots for these compliance rows, distinct, at most capacity. Rows of earlier calls stay cached
-  // while they are not too many. What is watched does not decide which rows are loadable, so of a
-  // storage that does not mirror bits those of a loadable row depend on the earlier calls alone. combined: so
-  // many slots will be asked of combine().
+  // while they are not too many; then the one wanted longest ago makes room. What is watched does not decide
+  // which rows are loadable, so of a storage that does not mirror bits those of a loadable row depend on the
+  // earlier calls alone. combined: so many slots will be asked of combine().
   void require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined = 0) noexcept;
-  // A slot to watch a row that has none; the one watched longest makes room. -1: there are no such slots.
+  // A slot to watch a row that is not loadable, until the next call of require(): its own, or a new one, for
+  // which the one watched longest makes room. -1: there are no such slots.
   Index watch(const Compliance& compliance, Index row) noexcept;
   // A loadable slot for a point that rides on three nodes, until the next call of require(): its displacement
   // is the weighted mean of theirs, a force on it acts on them by these weights. slots: of the nodes,
   // loadable; -1: one that cannot move. The weights and the nodes' rows decide its bits.
   Index combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept;
-  // Row a of a slot, a = x, y, z: x of all loadable slots, from plane() on y of all, from 2 plane() on z.
-  // Whole eights, of which there may be more than used(). require() may change it.
+  // Row a of a loadable slot, a = x, y, z: x of all loadable slots, from plane() on y of all, from 2 plane()
+  // on z. Whole eights, of which there may be more than used(). require() may change it.
   const float* row(Index slot, int a) const noexcept {
-    return values_.data() +
-           (3 * place_of(static_cast<std::size_t>(slot)) + static_cast<std::size_t>(a)) * 3 * plane_;
+    return values_.data() + (3 * static_cast<std::size_t>(slot) + static_cast<std::size_t>(a)) * 3 * plane_;
   }
   std::size_t plane() const noexcept { return plane_; }
   std::size_t most_plane() const noexcept { return first_watched_; }
@@ -84,25 +85,30 @@ class ContactBlock {
     return {row_of_slot_.data() + first, count};
   }
   float* values_of(std::size_t slot, std::size_t a) noexcept {
-    return values_.data() + (3 * place_of(slot) + a) * 3 * plane_;
+    return values_.data() + (3 * slot + a) * 3 * plane_;
   }
-  // Rows of the loadable slots stand first, then those of the watched ones.
-  std::size_t place_of(std::size_t slot) const noexcept {
-    return slot < first_watched_ ? slot : slot - first_watched_ + plane_;
+  float* watched_row(std::size_t slot) noexcept {
+    return watched_values_.data() + 9 * (slot - first_watched_) * first_watched_;
   }
+  Index slot_for(std::size_t allowed) noexcept;
+  void fill(std::size_t slot, Index row) noexcept;
+  void shrink(std::size_t allowed) noexcept;
   void widen(std::size_t plane) noexcept;
-  void drop_unwanted() noexcept;
   void move_slot(std::size_t from, std::size_t to) noexcept;
-  void fetch(const Compliance& compliance, std::size_t first, std::size_t last) noexcept;
+  void fetch(const Compliance& compliance, std::span<const Index> slots) noexcept;
 
-  std::size_t capacity_, watchable_, first_watched_, plane_, used_ = 0, combined_ = 0, watched_ = 0,
-                                                             oldest_ = 0;
-  std::uint64_t moves_ = 0;
-  HugeArray<float> values_;           // 3 rows of 3 planes a slot, m/N
-  std::vector<float> fetched_;        // rows as a compliance gives them
-  std::vector<Index> slot_of_row_;    // slot of each compliance row, -1: not cached
-  std::vector<Index> row_of_slot_;    // its inverse
-  std::vector<std::uint8_t> wanted_;  // of each slot, in this call
+  std::size_t capacity_, watchable_, first_watched_, plane_;
+  std::size_t used_ = 0, combined_ = 0, watched_ = 0, oldest_ = 0;
+  std::uint64_t moves_ = 0, calls_ = 0, fills_ = 0;
+  HugeArray<float> values_;            // of loadable slots: 3 rows of 3 planes a slot, m/N
+  HugeArray<float> watched_values_;    // of watched ones, whose planes are as long as they will ever be
+  std::vector<float> fetched_;         // rows as a compliance gives them
+  std::vector<Index> slot_of_row_;     // slot of each compliance row, -1: not cached
+  std::vector<Index> row_of_slot_;     // its inverse
+  std::vector<std::uint64_t> wanted_;  // of each loadable slot: the last call that wanted it
+  std::vector<Index> filled_;         // loadable slots that got another row, in turn: the last ones of fills_
+  std::vector<std::uint64_t> known_;  // of each watched slot: the fills that its row knows
+  std::vector<Index> added_, rows_;   // work space
 };
 
 }  // namespace palpate

@@ -24,7 +24,7 @@ constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;  // turns; of the 
 // that is off by as much; and where they have to come to rest.
 constexpr double little_turned = 0.02, hardly_turned = 1e-4;
 constexpr double in_motion = 0.3, at_rest = 0.02;  // of the tolerance: so little a gap may be off in a turn
-constexpr double left_over = 0.1;     // of what the gaps were off in a turn: so small, the next one does it
+constexpr double left_over = 0.05;    // of what the gaps were off in a turn: so small, the next one does it
 constexpr int most_products = 12;     // of a step for friction
 constexpr double enough = 0.3;        // of its residual, by which it is reduced
 constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
@@ -57,8 +57,8 @@ void ContactSolver::add_share(const ContactBlock& block, double share, std::span
 }
 
 // Along the surface.
-Vec3 ContactSolver::slip_of(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept {
-  const Vec3 slip = reached_by(block, c, i) - c.reference;
+Vec3 ContactSolver::slip_of(const ContactPoint& c, const Vec3& u) const noexcept {
+  const Vec3 slip = u - c.reference;
   return slip - c.normal.dot(slip) * c.normal;
 }
 
@@ -90,7 +90,10 @@ double ContactSolver::press(const ContactBlock& block, std::span<const ContactPo
     gap_[i] = normals_.scale(i) * gap;
     off = std::max(off, points[i].grasped || start_[i] > 0 ? std::abs(gap) : -gap);
   }
-  if (off <= good_enough) return off;
+  if (off <= good_enough) {
+    for (std::size_t i = 0; i < m; ++i) pressure_[i] = start_of(points[i], force_[i]);
+    return off;
+  }
   const bool solved = find_pressures(points, std::max(tolerance, loose * off));
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& c = points[i];
@@ -119,7 +122,7 @@ double ContactSolver::begin_rub(const ContactBlock& block, std::span<const Conta
     pressures += p;
     if (!c.held) continue;
     const Vec3 friction = force_[i] - p * c.normal;
-    Vec3 slip = slip_of(block, c, i);
+    Vec3 slip = slip_of(c, reached_by(block, c, i));
     slips_[i] = friction != Vec3::Zero() && (friction - slip / own_[i]).norm() > mu * p;
     if (slips_[i]) {
       along_circle_[i] = c.normal.cross(friction).normalized();
@@ -201,7 +204,7 @@ double ContactSolver::rub_in_turn(const ContactBlock& block, std::span<const Con
     const double p = c.normal.dot(force_[i]), radius = mu * p;
     if (!c.held || p <= 0 || c.grasped) continue;
     const Vec3 friction = force_[i] - p * c.normal;
-    Vec3 wanted = friction - slip_of(block, c, i) / (1.5 * own_[i]);
+    Vec3 wanted = friction - slip_of(c, reached_by(block, c, i)) / (1.5 * own_[i]);
     const double size = wanted.norm();
     slips_[i] = 0;  // friction is only cut then, where pressures no longer bear it
     if (size > radius) wanted *= radius / size;
@@ -213,9 +216,10 @@ double ContactSolver::rub_in_turn(const ContactBlock& block, std::span<const Con
   return change;
 }
 
-// Before the first turn: no pull, no friction where there can be none, and what slips on its circle.
-void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points,
-                                   double mu) noexcept {
+// Before a turn: no pull, no friction where there can be none, and what slips on its circle. first: the
+// foreseen forces have not moved the points yet.
+void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
+                                   bool first) noexcept {
   for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
     const double p = c.normal.dot(force_[i]), radius = mu * p;
@@ -230,7 +234,7 @@ void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const Co
       change_force(block, c, i, -friction);
       continue;
     }
-    const Vec3 trial = friction - slip_of(block, c, i) / own_[i];
+    const Vec3 trial = friction - slip_of(c, first ? c.u : reached_by(block, c, i)) / own_[i];
     slips_[i] = trial.norm() > radius;
     if (!slips_[i]) continue;
     const Vec3& to = friction.norm() > 0.5 * radius ? friction : trial;
@@ -273,9 +277,8 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
     force_[i] = points[i].force, base_[i] = points[i].u, last_change_[i] = Vec3::Zero();
     own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
     change_force(block, points[i], i, points[i].foreseen);
+    points[i].u += points[i].foreseen_u;
   }
-  move(block);
-  for (std::size_t i = 0; i < m; ++i) points[i].u = reached_by(block, points[i], i);
   const int most = mu > 0 ? limits.max_relinearisations : std::min(newton_turns, limits.max_relinearisations);
   while (result.relinearisations < most && !result.converged) {
     const int turn = ++result.relinearisations;
@@ -286,9 +289,9 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
       slips_[i] = 0;
     }
     normals_.update(block, points, turn == 1 && limits.predicted ? little_turned : hardly_turned);
-    put_on_circles(block, points, by_newton ? mu : -1);
+    put_on_circles(block, points, by_newton ? mu : -1, turn == 1);
     double change = 0;
-    if (mu == 0 || !by_newton || (turn == 1 && !limits.predicted)) move(block);
+    if (mu == 0 || !by_newton || turn == 1) move(block);
     if (mu > 0 && turn == 1 && !limits.predicted)
       press(block, points, mu, linear_share * limits.tolerance, 0);
     if (mu > 0 && by_newton)

@@ -119,6 +119,8 @@ void NormalCompliance::update(const ContactBlock& block, std::span<const Contact
   const bool all = 2 * stale > size_;
   for (std::size_t k = 0; k < size_; ++k)
     if (all || stale_[k]) make_row(block, k, !all);
+  for (std::size_t k = 0; k < size_; ++k)  // the squares on the diagonal
+    for (std::size_t j = k / lanes * lanes; j < k; ++j) values_[j * ld_ + k] = values_[k * ld_ + j];
   std::fill_n(sums_.begin(), size_, 1.0f);
   for (std::size_t k = 0; k < size_; ++k) add_sizes(values_.data() + k * ld_, k, sums_.data(), &sums_[k]);
   norm_ =

@@ -33,7 +33,7 @@ class NormalCompliance {
     const std::size_t i = std::max(row_of(p), row_of(q)), j = std::min(row_of(p), row_of(q));
     return values_[i * ld_ + j];
   }
-  // Lower triangle by rows, `ld` apart, and no less than the largest eigenvalue.
+  // By rows, `ld` apart, as multiply_symmetric() takes them, and no less than the largest eigenvalue.
   const float* values() const noexcept { return values_.data(); }
   std::size_t ld() const noexcept { return ld_; }
   float norm() const noexcept { return norm_; }

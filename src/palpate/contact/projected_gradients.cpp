@@ -22,30 +22,32 @@ float sum_of(const float* parts) noexcept {
 
 }  // namespace
 
-// Four rows at a time, both ways: each number of A is read once.
+// Eight rows, four of them at a time: against the columns before the eight both ways, each number of A read
+// once; among the eight one way.
 PALPATE_CLONES void multiply_symmetric(const float* a, std::size_t n, std::size_t ld, const float* x,
                                        float* y) noexcept {
-  std::fill_n(y, (n + 15) / 16 * 16, 0.0f);
-  for (std::size_t i = 0; i < n; i += 4) {
-    const float *r0 = a + i * ld, *r1 = i + 1 < n ? r0 + ld : r0, *r2 = i + 2 < n ? r0 + 2 * ld : r0,
-                *r3 = i + 3 < n ? r0 + 3 * ld : r0;
-    const float x0 = x[i], x1 = x[i + 1], x2 = x[i + 2], x3 = x[i + 3];  // zero beyond n
-    Lanes s0 = {}, s1 = {}, s2 = {}, s3 = {};
-    std::size_t k = 0;
-    for (; k + lanes <= i; k += lanes) {
-      const Lanes a0 = at(r0 + k), a1 = at(r1 + k), a2 = at(r2 + k), a3 = at(r3 + k), xk = at(x + k);
-      at(y + k) += (a0 * x0 + a1 * x1) + (a2 * x2 + a3 * x3);
-      s0 += a0 * xk, s1 += a1 * xk, s2 += a2 * xk, s3 += a3 * xk;
+  const std::size_t end = (n + ways - 1) / ways * ways;
+  std::fill_n(y, end, 0.0f);
+  for (std::size_t first = 0; first < n; first += lanes) {
+    Lanes sums[lanes];
+    for (std::size_t l = 0; l < lanes; l += 4) {
+      const auto row = [&](std::size_t i) { return a + std::min(first + l + i, n - 1) * ld; };
+      const float *r0 = row(0), *r1 = row(1), *r2 = row(2), *r3 = row(3),
+                  *of = x + first + l;  // zero beyond n
+      const float x0 = of[0], x1 = of[1], x2 = of[2], x3 = of[3];
+      Lanes s0 = {}, s1 = {}, s2 = {}, s3 = {};
+      for (std::size_t k = 0; k < first; k += lanes) {
+        const Lanes a0 = at(r0 + k), a1 = at(r1 + k), a2 = at(r2 + k), a3 = at(r3 + k), xk = at(x + k);
+        at(y + k) += (a0 * x0 + a1 * x1) + (a2 * x2 + a3 * x3);
+        s0 += a0 * xk, s1 += a1 * xk, s2 += a2 * xk, s3 += a3 * xk;
+      }
+      const Lanes own = at(x + first);
+      sums[l] = s0 + at(r0 + first) * own, sums[l + 1] = s1 + at(r1 + first) * own;
+      sums[l + 2] = s2 + at(r2 + first) * own, sums[l + 3] = s3 + at(r3 + first) * own;
     }
-    const Lanes* sums[4] = {&s0, &s1, &s2, &s3};
-    for (std::size_t q = 0; q < std::min<std::size_t>(4, n - i); ++q) {
-      const Lanes& s = *sums[q];
-      const float* row = r0 + q * ld;
-      float sum = total(s);
-      for (std::size_t j = k; j < i + q; ++j) sum += row[j] * x[j], y[j] += row[j] * x[i + q];
-      y[i + q] += sum + row[i + q] * x[i + q];
-    }
+    add_totals(sums, at(y + first));
   }
+  std::fill(y + n, y + end, 0.0f);
 }
 
 PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size_t ld, float norm,

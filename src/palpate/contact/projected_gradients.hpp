@@ -9,8 +9,9 @@
 
 namespace palpate {
 
-// y = A x for a symmetric A of which the lower triangle is read: rows one after the other, `ld` apart. x, y:
-// whole sixteens, x zero beyond n. The same bits by every instruction set.
+// y = A x for a symmetric A of which the lower triangle is read, and all of the squares of eight on its
+// diagonal (also beyond n, where numbers do not matter): rows one after the other, `ld` apart, whole eights.
+// x, y: whole sixteens, zero beyond n. The same bits by every instruction set.
 void multiply_symmetric(const float* a, std::size_t n, std::size_t ld, const float* x, float* y) noexcept;
 
 struct GradientWork {

@@ -164,13 +164,31 @@ ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<
   return s;
 }
 
+// reached_ and gone_ of the points displaced by u; trial_ for work space.
+void ContactSolver::find_gaps(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
+                              std::span<const Vec3> u) noexcept {
+  for (std::size_t first = 0, end = 0; first < points.size(); first = end) {
+    const ContactPoint& c = points[first];
+    for (; end < points.size() && points[end].instrument == c.instrument; ++end)
+      trial_[end] = shapes[static_cast<std::size_t>(c.instrument)].own(points[end].rest + u[end]);
+    const PlacedShape& shape = shapes[static_cast<std::size_t>(c.instrument)];
+    gaps(*shape.shape, std::span(trial_).subspan(first, end - first), std::span(reached_).subspan(first));
+    for (std::size_t i = first; i < end; ++i) {
+      gone_[i] = points[i].path;
+      reached_[i] = points[i].grasped || points[i].triangle >= 0
+                        ? gap_of(shapes, points[i], u[i])
+                        : gap_by_path(shape, points[i].path, trial_[i], reached_[i], &gone_[i]);
+    }
+  }
+}
+
 // How far u_ and pressure_ are from the law.
 void ContactSolver::measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
                             Step& s) noexcept {
+  find_gaps(shapes, points, u_);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
-    gone_[i] = c.path;
-    const Gap g = reached_[i] = gap_of(shapes, c, u_[i], &gone_[i]);
+    const Gap& g = reached_[i];
     s.residual = std::max(s.residual, c.grasped || pressure_[i] > 0 ? std::abs(g.distance) : -g.distance);
     s.largest = std::max(s.largest, std::abs(pressure_[i]));
     if (c.grasped) continue;
@@ -183,10 +201,14 @@ void ContactSolver::measure(std::span<const PlacedShape> shapes, std::span<const
 // at u_, where some of them still are.
 void ContactSolver::relinearise(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
                                 bool measured) noexcept {
+  if (!measured) {
+    for (std::size_t i = 0; i < points.size(); ++i) u_[i] = points[i].u;
+    find_gaps(shapes, points, u_);
+  }
   for (std::size_t i = 0; i < points.size(); ++i) {
     ContactPoint& c = points[i];
     Gap g = reached_[i];
-    if (measured && c.u == u_[i])
+    if (c.u == u_[i])
       c.path = gone_[i];
     else
       g = gap_of(shapes, c, c.u, &c.path);

@@ -28,16 +28,17 @@ struct ContactPoint {
   // What is finer than a triangle meets it as a tip meets a plane: the force goes along the triangle's
   // normal, as a tip has none of its own, or one that turns within a fraction of the triangle. So a place's
   // gap is linear in u until the caller looks again: offset + tilt facing.u.
-  Vec3 facing = Vec3::Zero();    // into the organ, unit
-  double offset = 0, tilt = 0;   // m; -
-  Vec3 rest = Vec3::Zero();      // position at rest, m
-  Vec3 u = Vec3::Zero();         // displacement, m: in, the last tick's; out, the solution's
-  Vec3 normal = Vec3::Zero();    // direction of the force, unit
-  double gap = 0;                // m, at rest + u
-  double slope = 1;              // of the gap along the normal
-  double pressure = 0;           // N along the normal: in, the last tick's; out, the solution's
-  Vec3 force = Vec3::Zero();     // N, on the organ
-  Vec3 foreseen = Vec3::Zero();  // N: in, a guess of how it will change in this tick
+  Vec3 facing = Vec3::Zero();      // into the organ, unit
+  double offset = 0, tilt = 0;     // m; -
+  Vec3 rest = Vec3::Zero();        // position at rest, m
+  Vec3 u = Vec3::Zero();           // displacement, m: in, the last tick's; out, the solution's
+  Vec3 normal = Vec3::Zero();      // direction of the force, unit
+  double gap = 0;                  // m, at rest + u
+  double slope = 1;                // of the gap along the normal
+  double pressure = 0;             // N along the normal: in, the last tick's; out, the solution's
+  Vec3 force = Vec3::Zero();       // N, on the organ
+  Vec3 foreseen = Vec3::Zero();    // N: in, a guess of how it will change in this tick,
+  Vec3 foreseen_u = Vec3::Zero();  // m: and what that does
   // Friction: whether the point touched before, and its displacement if it has not slipped since, m.
   bool held = false;
   Vec3 reference = Vec3::Zero();
@@ -114,6 +115,8 @@ class ContactSolver {
                std::span<const ContactPoint> points, double tolerance) noexcept;
   bool find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept;
   bool pivot(std::span<const ContactPoint> points) noexcept;
+  void find_gaps(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
+                 std::span<const Vec3> u) noexcept;
   void measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points, Step& s) noexcept;
   void relinearise(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
                    bool measured) noexcept;
@@ -129,10 +132,11 @@ class ContactSolver {
   static void add_share(const ContactBlock& block, double share, std::span<const float> from,
                         std::vector<float>& to) noexcept;
   Vec3 reached_by(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept;
-  Vec3 slip_of(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept;
+  Vec3 slip_of(const ContactPoint& c, const Vec3& u) const noexcept;
   void change_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
   void move(const ContactBlock& block) noexcept;
-  void put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
+  void put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
+                      bool first) noexcept;
   double press(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
                double good_enough) noexcept;
   double rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;

@@ -19,6 +19,8 @@ namespace {
 
 // Of the last tick's motion: farther on nothing is foreseen, nor when it turns back.
 constexpr double most_ahead = 1.2;
+// A distance changes by no more than the way; an interpolated one by hardly more.
+constexpr double lipschitz = 1.05;
 
 // Corners of the shape's box; of one without an end a cube of 10 cm.
 std::array<Vec3, 8> corners_of(const Shape& shape) {
@@ -47,14 +49,15 @@ void place(const Model& model, State& state, const Input& input) {
     const std::array<Vec3, 8> own = corners_of(shape);
     Sweep& sweep = w.sweeps[i];
     for (std::size_t c = 0; c < own.size(); ++c) sweep.corners[c] = w.shapes[i].to_organ * own[c];
+    const bool has_end = finest(shape) < std::numeric_limits<double>::infinity();
+    if (has_end) sweep.epoch = last.epoch + 1;
     if (!has_last) continue;
     const bool touched = std::any_of(state.contacts.begin(), state.contacts.end(),
                                      [&](const Contact& c) { return at(c.instrument) == i; });
     double moved = 0;
     for (std::size_t c = 0; c < own.size(); ++c) {
       sweep.ways[c] = sweep.corners[c] - last.corners[c];
-      if (finest(shape) < std::numeric_limits<double>::infinity())
-        moved = std::max(moved, sweep.ways[c].norm());
+      if (has_end) moved = std::max(moved, sweep.ways[c].norm());
       if (touched) along += sweep.ways[c].dot(last.ways[c]), last_squared += last.ways[c].squaredNorm();
     }
     if (moved > largest_motion * w.size) {
@@ -63,13 +66,14 @@ void place(const Model& model, State& state, const Input& input) {
     }
     sweep.last = state.placed[i].inverse(), sweep.known = true, sweep.way = moved;
     sweep.reach = moved > 0.5 * w.shapes[i].finest ? moved : 0.0;
+    sweep.epoch = last.epoch, sweep.gone = last.gone + moved;
   }
   const double least = 10 * w.tolerance;  // less is the solver's own noise
   w.ahead = last_squared > 8 * least * least ? std::clamp(along / last_squared, 0.0, most_ahead) : 0;
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
   w.before.copy(state.loads);
-  w.come = 0;
+  w.come_at_most = 2 * std::exchange(w.come, 0.0);
 }
 
 namespace {
@@ -175,9 +179,8 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
   const Compliance& compliance = w.compliance_of(model);
   Index slot = w.block.slot_of(row);
   if (spread.loadable) {
-    if (slot < 0 && compliance.mirrors_bits()) slot = w.block.watch(compliance, row);
-    if (slot >= 0 && (w.block.is_loadable(slot) || compliance.mirrors_bits()))
-      return w.block.displacement(slot, spread.planes);
+    if (!w.block.is_loadable(slot)) slot = compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
+    if (slot >= 0) return w.block.displacement(slot, spread.planes);
   }
   compliance.block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
   return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
@@ -186,8 +189,7 @@ Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& l
 }  // namespace
 
 void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number) {
-  w.u[at(node)] = w.u_known[at(node)] = u;
-  w.u_number[at(node)] = w.stamp(number), w.travelled_then[at(node)] = w.travelled;
+  w.u[at(node)] = u, w.u_number[at(node)] = w.stamp(number);
 }
 
 const Vec3& displacement(const Model& model, State& state, Index node) {
@@ -204,10 +206,8 @@ Vec3 displacement_about(const Model& model, State& state, Index node) {
   if (w.u_number[at(node)] == w.stamp(state.loads.number) || w.compliance_of(model).mirrors_bits() ||
       w.block.is_loadable(slot) || !w.loaded.loadable)
     return displacement(model, state, node);
-  if (slot < 0) slot = w.block.watch(w.compliance_of(model), row);
-  w.u_known[at(node)] = w.block.displacement(slot, w.loaded.planes);
-  w.travelled_then[at(node)] = w.travelled;
-  return w.u_known[at(node)];
+  slot = w.block.watch(w.compliance_of(model), row);
+  return w.block.displacement(slot, w.loaded.planes);
 }
 
 Vec3 displacement_before(const Model& model, State& state, Index node) {
@@ -254,6 +254,25 @@ void add_near(StepScratch& w, Index node) {
 
 namespace {
 
+// What the node and the instrument have travelled since the epoch began, m.
+double travelled_by(const StepScratch& w, std::size_t instrument, Index node) {
+  return lipschitz * (static_cast<double>(w.softness[at(node)]) * w.travelled + w.sweeps[instrument].gone);
+}
+
+// That the node is no nearer to the instrument now, under state.loads.
+void remember(StepScratch& w, std::size_t instrument, Index node, double distance) {
+  w.clear[instrument * w.softness.size() + at(node)] = {distance + travelled_by(w, instrument, node),
+                                                        w.sweeps[instrument].epoch};
+}
+
+// Of a node from an instrument, under state.loads: the distance is no less, m.
+double clearance(const StepScratch& w, std::size_t instrument, Index node) {
+  const StepScratch::Clear& clear = w.clear[instrument * w.softness.size() + at(node)];
+  return clear.epoch != 0 && clear.epoch == w.sweeps[instrument].epoch
+             ? clear.distance - travelled_by(w, instrument, node)
+             : -std::numeric_limits<double>::infinity();
+}
+
 // Nodes but for the points of this instrument that may be nearer than `reach` under state.loads, or that the
 // shape passed through.
 void find_candidates(const Model& model, State& state, const Surface& surface, std::size_t instrument,
@@ -264,15 +283,23 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
   const Index* points = w.point_of.data() + instrument * model.organ.surface_size();
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
-  const double near = reach + w.tolerance;
-  near_nodes(
-      *surface.clusters, surface.bounds, surface.positions, shape, near + sweep.reach, drifted,
-      [&](Index node, double d) {
-        if (!may_meet(w, surface, instrument, node, d, near, drifted)) return;
-        w.candidates.push_back(node);
-        add_near(w, node);
-      },
-      [&](Index node) { return points[node] >= 0; });
+  const double near = reach + w.tolerance, swept = near + sweep.reach;
+  look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept, drifted,
+            [&](Index node, double within) {
+              if (points[node] >= 0) return;
+              const auto softness = lipschitz * static_cast<double>(w.softness[at(node)]);
+              if (const double clear = clearance(w, instrument, node); clear > swept) {
+                if (clear <= swept + softness * w.come_at_most) add_near(w, node);
+                return;
+              }
+              const Vec3& p = surface.positions[at(node)];
+              if (!shape.may_be_nearer(p, within)) return;
+              const double d = shape.distance(p);
+              remember(w, instrument, node, d - softness * drifted);
+              if (d >= within || !may_meet(w, surface, instrument, node, d, near, drifted)) return;
+              w.candidates.push_back(node);
+              add_near(w, node);
+            });
 }
 
 // Calls found(node, distance, u) for those of `candidates` that are nearer than `reach`, or passed through.
@@ -288,18 +315,16 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     const auto softness = static_cast<double>(w.softness[at(node)]);
     const double way = sweep.way + softness * w.come;
     const bool may_pass = sweep.known && way > 0.5 * shape.finest;
-    if (w.u_number[at(node)] != w.stamp(state.loads.number)) {
-      const double within = (may_pass ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
-      const auto is_far = [&](const Vec3& about, double slack) {
-        return !shape.may_be_nearer(model.organ.contact_points[at(node)] + about, within + slack);
-      };
-      const double moved = softness * (w.travelled - w.travelled_then[at(node)]);
-      if (is_far(w.u_known[at(node)], moved) || is_far(displacement_about(model, state, node), 0)) continue;
-    }
+    const double within = (may_pass ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
+    if (clearance(w, instrument, node) >= within) continue;
+    const Vec3 about = displacement_about(model, state, node);
+    double d = shape.distance(model.organ.contact_points[at(node)] + about);
+    remember(w, instrument, node, d);
+    if (d >= within) continue;
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
-    double d = shape.may_be_nearer(p, reach) ? shape.distance(p) : reach;
-    if (d >= reach && may_pass && shape.may_be_nearer(p, 1.5 * way) &&
+    if (u != about) d = shape.distance(p);
+    if (d >= reach && may_pass && d < 1.5 * way &&
         sweep.way + (u - displacement_before(model, state, node)).norm() > 0.5 * shape.finest)
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
@@ -401,7 +426,7 @@ void detect_at_rest(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_nodes(*surface.clusters, w.rest_bounds, model.organ.contact_points, w.shapes[i], 0.0, 0.0,
+    near_nodes(*surface.clusters, w.rest_bounds, model.organ.contact_points, w.shapes[i], 0.0,
                [&](Index node, double) {
                  for (std::size_t other = 0; other < i; ++other)
                    if (w.point_of[other * model.organ.surface_size() + at(node)] >= 0) return;
@@ -412,7 +437,7 @@ void detect_at_rest(const Model& model, State& state, const Surface& surface) {
 void see_anchored(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   for (const PlacedShape& shape : w.shapes)
-    near_nodes(w.anchored, w.anchored_bounds, model.organ.contact_points, shape, -w.tolerance, 0.0,
+    near_nodes(w.anchored, w.anchored_bounds, model.organ.contact_points, shape, -w.tolerance,
                [&](Index, double) { state.status |= anchor_touched; });
 }
 
@@ -422,8 +447,8 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   const double drifted = drift(model, state, surface);
   // Whether what is too far to be looked at again was too far for detect() too.
-  const bool all_near =
-      model.settings.mode == Mode::unilateral && (drifted - w.drifted_before) * w.softest <= w.reach;
+  const bool all_near = model.settings.mode == Mode::unilateral && w.come <= w.come_at_most &&
+                        (drifted - w.drifted_before) * w.softest <= w.reach;
   state.deepest_after = 0;
   for (const ContactPoint& c : w.points)
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);

@@ -54,7 +54,7 @@ void imprint(const Model& model, State& state) {
   Surface& surface = state.surface;
   state.contacts.clear();
   for (std::size_t i = 0; i < w.shapes.size(); ++i)
-    near_nodes(*surface.clusters, surface.bounds, surface.positions, w.shapes[i], -0.1 * w.tolerance, 0.0,
+    near_nodes(*surface.clusters, surface.bounds, surface.positions, w.shapes[i], -0.1 * w.tolerance,
                [&](Index node, double d) {
                  const std::size_t n = at(node);
                  state.deepest_before = std::max(state.deepest_before, -d);

@@ -90,8 +90,8 @@ State make_state(const Model& model) {
       w.placed_u.resize(3 * w.block.most_plane());
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
-  w.u_known.assign(s, Vec3::Zero());
-  w.travelled_then.assign(s, 0);
+  w.clear.resize(s * instruments);
+  w.begun.resize(s);
   for (StepScratch::Spread* spread : {&w.loaded, &w.loaded_before})
     spread->slots.resize(s), spread->planes.resize(3 * w.block.most_plane());
   w.size = bounding_box(organ.surface.vertices).diagonal();
@@ -182,7 +182,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
     face_places(model, state);
     hold(model, state);
     displace_points(state);
-    for (ContactPoint& c : w.points) c.foreseen.setZero();
+    for (ContactPoint& c : w.points) c.foreseen.setZero(), c.foreseen_u.setZero();
     limits.exact = state.loads.number % exact_every == 0;
     limits.predicted = w.round == 0 && model.settings.mode == Mode::unilateral && predict(model, state);
     if (!w.points.empty())

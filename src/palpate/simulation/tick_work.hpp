@@ -10,7 +10,7 @@
 namespace palpate {
 
 // Nodes that are near, but no contact points: so many the contact block has a place for.
-constexpr std::size_t most_watched = 256;
+constexpr std::size_t most_watched = 1024;
 
 // Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
 constexpr double hidden = 1e-6;
@@ -25,6 +25,8 @@ struct Sweep {
   bool known = false;  // otherwise it was put where it is
   double way = 0;      // m, the largest of a corner of its box
   double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
+  double gone = 0;     // m, sum of the ways since the epoch began, when it was put where it is; an epoch of 0
+  std::uint64_t epoch = 0;      // has no end: how far the instrument goes says nothing
   std::array<Vec3, 8> corners;  // where those of its box are, organ frame, m
   std::array<Vec3, 8> ways;     // and how each came there from where it was
 
@@ -63,6 +65,11 @@ struct StepScratch {
   Loads before;                     // of the last tick
   Loads earlier;                    // of the one before
   std::vector<Index> earlier_of;    // of each row of the compliance: which of them it is, -1: none
+  struct Begun {
+    Vec3 u = Vec3::Zero();   // m
+    std::uint64_t tick = 0;  // of all ticks
+  };
+  std::vector<Begun> begun;  // of each node: what its point began the tick with
   double ahead = 0;  // the instruments' motion in this tick as a share of that in the last; 0: not known
   std::vector<ContactPoint> points;     // may touch in this tick
   std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
@@ -73,12 +80,16 @@ struct StepScratch {
   std::vector<Index> wanted;            // rows for the contact block
   std::vector<Vec3> u;                  // of each node, m; right under the loads of the same number:
   std::vector<std::uint64_t> u_number;  // of each node
-  // Where each node was last known to be, m, and `travelled` then, which no node has moved farther since than
-  // its softness allows: most that are near need not be placed in a tick.
-  std::vector<Vec3> u_known;
-  std::vector<double> travelled_then;
-  double travelled = 0;  // sum of sqrt(df.C df) over all changes of the loads, sqrt J
-  double come = 0;       // from the last tick's loads to the tick's own so far, sqrt J
+  // How far from an instrument each node was when it was last looked at: most that are near need not be
+  // placed in a tick, as they cannot have come nearer since by more than both have travelled.
+  struct Clear {
+    double distance = 0;      // m, plus what both had travelled by then
+    std::uint64_t epoch = 0;  // of the sweep then
+  };
+  std::vector<Clear> clear;  // [instrument * nodes + node]
+  double travelled = 0;      // sum of sqrt(df.C df) over all changes of the loads, sqrt J
+  double come = 0;           // from the last tick's loads to the tick's own so far, sqrt J
+  double come_at_most = 0;   // nodes that this may bring near are among `near`, sqrt J
   // Loads as the block takes them.
   struct Spread {
     std::vector<Index> slots;

@@ -32,7 +32,7 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable, std::siz
     const std::vector<Index> wanted = some(capacity, among), watched = some(2 * watchable, among);
     block.require(c, wanted);
     for (const Index row : watched)
-      if (block.slot_of(row) < 0) {
+      if (!block.is_loadable(block.slot_of(row))) {
         ASSERT_FALSE(block.is_loadable(block.watch(c, row)));
       }
     ASSERT_LE(block.used(), capacity);
@@ -143,6 +143,7 @@ TEST(ContactBlock, CombinesThreeNodes) {
 
 TEST(ContactBlock, EqualsTheComplianceWhateverCameBefore) {
   equals_the_compliance(12, 9);
+  equals_the_compliance(1, 40);
   equals_the_compliance(3, 40);  // most of all are only watched
   equals_the_compliance(50, 1);
   equals_the_compliance(150, 30, 200);  // rows are widened and narrowed

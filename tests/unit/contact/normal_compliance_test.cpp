@@ -105,7 +105,7 @@ TEST(ProjectedGradients, ProductsAreThoseOfTheWholeMatrix) {
   std::mt19937 random(7);
   for (const std::size_t n : {1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 100, 139}) {
     const std::size_t ld = (n + 31) / 16 * 16;
-    std::vector<float> a(n * ld, 1e30f), x(ld), y(ld, 1e30f);  // above the diagonal nothing is read
+    std::vector<float> a(n * ld, 1e30f), x(ld), y(ld, 1e30f);  // beyond the squares of eight nothing is read
     Eigen::MatrixXd whole(static_cast<int>(n), static_cast<int>(n));
     Eigen::VectorXd v(static_cast<int>(n));
     for (std::size_t i = 0; i < n; ++i) {
@@ -115,7 +115,9 @@ TEST(ProjectedGradients, ProductsAreThoseOfTheWholeMatrix) {
         a[i * ld + j] = static_cast<float>(random() % 1000) / 1000;
         whole(static_cast<int>(i), static_cast<int>(j)) = whole(static_cast<int>(j), static_cast<int>(i)) =
             static_cast<double>(a[i * ld + j]);
+        if (j >= i / 8 * 8) a[j * ld + i] = a[i * ld + j];
       }
+      for (std::size_t j = n; j < (n + 7) / 8 * 8; ++j) a[i * ld + j] = 1;
     }
     multiply_symmetric(a.data(), n, ld, x.data(), y.data());
     const Eigen::VectorXd exact = whole * v;

@@ -62,7 +62,7 @@ TEST(Clusters, FindExactlyTheNearNodes) {
     const PlacedShape placed(shape, {Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())),
                                      Vec3(0.02, -0.03, 0.01)});
     std::vector<Index> found, expected;
-    near_nodes(clusters, bounds, points, placed, 0.005, 0, [&](Index n, double) { found.push_back(n); });
+    near_nodes(clusters, bounds, points, placed, 0.005, [&](Index n, double) { found.push_back(n); });
     for (const Index n : nodes)
       if (placed.distance(points[static_cast<std::size_t>(n)]) < 0.005) expected.push_back(n);
     std::sort(found.begin(), found.end());
