@@ -135,7 +135,7 @@ RunSummary run_scene(const Scene& scene, const RunOptions& options, const Consol
       step(scene.models, states, inputs);
       compared.see(k, states);
       if (options.record) options.record->add(inputs, states);
-      recorder.add(k, inputs, states);
+      recorder.add(k, states);
       // The first shot half a tile in: the sheet then shows the middle of each twelfth of the run.
       if (options.pictures && k == (2 * shots.size() + 1) * scene.steps / (2 * tiles))
         shots.push_back(take_shot(scene, states, inputs[0]));

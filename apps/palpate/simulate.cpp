@@ -83,6 +83,7 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   AtomicFile file(options.output / "summary.json");  // opened first: a wrong path is no news after the run
   std::vector<State> states = make_states(scene.models);
   LoopReport report;
+  ForceTable forces(scene.models, scene.organs);
   Comparison compared{replay};
   Hand hand;
   if (!options.device.empty()) {
@@ -107,7 +108,8 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
       compared.see(k, now);
       if (record) record->add(inputs, now);
     };
-    hooks.frame = [&](std::span<const Surface>) {
+    hooks.frame = [&](std::uint64_t k, std::span<const Frame> frames) {
+      forces.add(k, frames);
       if (progress.report)
         progress.report(static_cast<double>(done.load(std::memory_order_relaxed)) /
                         static_cast<double>(settings.ticks));
@@ -115,6 +117,7 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
     report = run_loop(scene.models, states, settings, hooks);
     if (progress.report) progress.report(1);
   }
+  forces.write(options.output / "forces.csv");
   console.line(loop_table(report) + "  left in " + options.output.string());
   if (hand.device)
     console.line(fmt::format("  hand: {} connected in {} of {} ticks, felt up to {:.3g} N", options.device,

@@ -61,8 +61,8 @@ std::uint64_t run_threaded(std::span<const Model> models, Driver& driver) {
   hooks.output = [&](std::uint64_t k, std::span<const Input>, std::span<const State> s) {
     driver.check(k, s);
   };
-  hooks.frame = [&](std::span<const Surface> surfaces) {
-    for (const Surface& surface : surfaces) driver.check_surface(surface);
+  hooks.frame = [&](std::uint64_t, std::span<const Frame> frames) {
+    for (const Frame& frame : frames) driver.check_surface(frame.surface);
   };
   LoopSettings settings;
   settings.rate = 0, settings.frame_rate = 500;

@@ -35,6 +35,7 @@ class TripleBuffer {
     return true;
   }
   const T& front() const noexcept { return slots_[front_].value; }
+  T& front() noexcept { return slots_[front_].value; }  // the reader's own until the next fetch
 
  private:
   static constexpr std::uint8_t number = 3, fresh = 4;

@@ -4,8 +4,11 @@
 #include <pthread.h>
 #include <sched.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <thread>
@@ -67,15 +70,32 @@ bool go_first() noexcept {
   return pthread_setschedparam(pthread_self(), SCHED_FIFO, &p) == 0;
 }
 
-struct Shared {
-  Shared(const std::vector<Surface>& rest) : loads(loads_of(rest)), surfaces(rest) {}
-  static std::vector<Loads> loads_of(const std::vector<Surface>& surfaces) {
-    std::vector<Loads> out;
-    for (const Surface& s : surfaces) out.push_back(s.loads);
-    return out;
+// What the force loop hands over of a tick: an organ each.
+struct Handed {
+  std::uint64_t k = 0;
+  std::vector<Loads> loads;
+  std::vector<Outcome> outcomes;
+
+  // With room for whatever comes of a tick of these states.
+  explicit Handed(std::span<const State> states) {
+    for (const State& s : states) {
+      loads.push_back(s.loads);
+      outcomes.push_back(s);
+      outcomes.back().contacts.resize(s.contacts.capacity());  // a vector's copy has its size, not its room
+    }
   }
-  TripleBuffer<std::vector<Loads>> loads;       // an organ each; force loop to deformation
-  TripleBuffer<std::vector<Surface>> surfaces;  // and back
+  // Neither allocates nor throws, for that room.
+  void take(std::size_t organ, const State& state) noexcept {
+    loads[organ].copy(state.loads);
+    outcomes[organ] = state;
+  }
+};
+
+struct Shared {
+  Shared(std::span<const State> states, const std::vector<Surface>& rest)
+      : ticks(Handed(states)), surfaces(rest) {}
+  TripleBuffer<Handed> ticks;                   // force loop to deformation
+  TripleBuffer<std::vector<Surface>> surfaces;  // and back, an organ each
   std::atomic<bool> over{false};
 };
 
@@ -93,16 +113,31 @@ class EndOf {
 
 void deform_until_over(std::span<const Model> models, const LoopSettings& settings, const OrgansHooks& hooks,
                        Shared& shared, std::span<Deformer> deformers, LoopReport& report) {
+  // What a thread allocates when it asks a compliance for the first time: not in between.
+  for (const Model& model : models) {
+    const Index row = 0;
+    std::array<float, 9> c;
+    model.organ.compliance.block({&row, 1}, c, 3);
+  }
+  std::vector<Frame> frames;
+  frames.reserve(models.size());
   double due = now();
   while (!shared.over.load(std::memory_order_relaxed)) {
     due = std::max(due + 1 / settings.frame_rate, now());
     sleep_until(due);
-    if (!shared.loads.fetch()) continue;
+    if (!shared.ticks.fetch()) continue;
     const double begun = now();
+    Handed& tick = shared.ticks.front();
+    std::vector<Surface>& surfaces = shared.surfaces.back();
     for (std::size_t i = 0; i < models.size(); ++i)
-      deformers[i](models[i].organ, shared.loads.front()[i], shared.surfaces.back()[i]);
-    if (hooks.frame) hooks.frame(shared.surfaces.back());
-    for (const Surface& surface : shared.surfaces.back()) {
+      deform(models[i].organ, tick.loads[i], deformers[i], surfaces[i], tick.outcomes[i]);
+    if (hooks.frame) {
+      frames.clear();
+      for (std::size_t i = 0; i < models.size(); ++i)
+        frames.push_back({tick.outcomes[i], surfaces[i], error_bar(models[i].organ, surfaces[i])});
+      hooks.frame(tick.k, frames);
+    }
+    for (const Surface& surface : surfaces) {
       report.largest_strain = std::max(report.largest_strain, surface.strains.largest);
       report.beyond_linear += surface.strains.beyond_linear();
     }
@@ -134,15 +169,19 @@ void tick_until_over(std::span<const Model> models, std::span<State> states, con
     shared.surfaces.fetch();
     std::uint32_t status = status_ok;
     std::uint64_t contacts = 0;
+    shared.ticks.back().k = k;
     for (std::size_t i = 0; i < models.size(); ++i) {
       tick(models[i], states[i], inputs[i], shared.surfaces.front()[i]);
-      shared.loads.back()[i].copy(states[i].loads);
+      shared.ticks.back().take(i, states[i]);
       status |= states[i].status, contacts += states[i].contacts.size();
     }
-    shared.loads.publish();
+    shared.ticks.publish();
     if (hooks.output) hooks.output(k, inputs, states);
     pace.done(report.ticks, cpu.seconds());
-    if (status & not_converged) ++report.not_converged;
+    report.not_converged += (status & not_converged) != 0;
+    report.too_many_contacts += (status & too_many_contacts) != 0;
+    report.bad_input += (status & bad_input) != 0;
+    report.anchor_touched += (status & anchor_touched) != 0;
     report.contacts_max = std::max(report.contacts_max, contacts);
     if (contacts > 0) report.contacts_mean += static_cast<double>(contacts), ++in_contact;
   }
@@ -165,7 +204,8 @@ LoopReport run_loop(const Model& model, State& state, const LoopSettings& settin
     all.output = [&](std::uint64_t k, std::span<const Input> inputs, std::span<const State> states) {
       hooks.output(k, inputs[0], states[0]);
     };
-  if (hooks.frame) all.frame = [&](std::span<const Surface> surfaces) { hooks.frame(surfaces[0]); };
+  if (hooks.frame)
+    all.frame = [&](std::uint64_t k, std::span<const Frame> frames) { hooks.frame(k, frames[0]); };
   return run_loop(std::span(&model, 1), std::span(&state, 1), settings, all);
 }
 
@@ -185,7 +225,7 @@ LoopReport run_loop(std::span<const Model> models, std::span<State> states, cons
     rest.push_back(states[i].surface);
     deformers.emplace_back(models[i].organ);
   }
-  Shared shared(rest);
+  Shared shared(states, rest);
   std::vector<Input> inputs = make_inputs(models);
   LoopReport report;
   try {
@@ -196,9 +236,29 @@ LoopReport run_loop(std::span<const Model> models, std::span<State> states, cons
     throw Error(ErrorKind::resource, "the loop's two threads do not start: {}", e.what());
   }
   for (std::size_t i = 0; i < models.size(); ++i)
-    deformers[i](models[i].organ, states[i].loads, states[i].surface);
+    deform(models[i].organ, states[i].loads, deformers[i], states[i].surface, states[i]);
   return report;
 }
+
+namespace {
+
+// Times by factors of two: the histograms side by side.
+std::string histogram_table(const LoopReport& r) {
+  std::map<int, std::array<std::uint64_t, 3>> rows;
+  const std::array columns{&r.ticks.cpu, &r.ticks.wall, &r.idle.wall};
+  for (std::size_t c = 0; c < columns.size(); ++c)
+    columns[c]->each_bin([&](double end, std::uint64_t count) {
+      rows[static_cast<int>(std::ceil(std::log2(end / Histogram::smallest) - 1e-6))][c] += count;
+    });
+  std::string out =
+      fmt::format("  {:<28} {:>12} {:>12} {:>12}\n", "ticks of up to", "CPU time", "due to done", "empty");
+  for (const auto& [octave, counts] : rows)
+    out += fmt::format("  {:>22.3g} ms    {:>12} {:>12} {:>12}\n",
+                       1e3 * Histogram::smallest * std::exp2(octave), counts[0], counts[1], counts[2]);
+  return out;
+}
+
+}  // namespace
 
 std::string loop_table(const LoopReport& r) {
   const auto row = [](const char* label, const Histogram& h, const std::string& more) {
@@ -219,7 +279,7 @@ std::string loop_table(const LoopReport& r) {
   out += fmt::format("  {:<28} {} of {}\n", "ticks not converged", r.not_converged, r.ticks.wall.count());
   out += fmt::format("  {:<28} {}\n", "precedence of the force loop",
                      r.first_in ? "SCHED_FIFO" : "none (not permitted)");
-  return out;
+  return out + histogram_table(r);
 }
 
 std::string loop_json(const LoopReport& r) {
@@ -230,6 +290,11 @@ std::string loop_json(const LoopReport& r) {
                                   {"worst_ms", 1e3 * h.worst()},
                                   {"mean_ms", 1e3 * h.mean()},
                                   {"count", h.count()}};
+  };
+  const auto bins = [](const Histogram& h) {
+    nlohmann::ordered_json up_to = nlohmann::json::array(), count = up_to;
+    h.each_bin([&](double end, std::uint64_t n) { up_to.push_back(1e3 * end), count.push_back(n); });
+    return nlohmann::ordered_json{{"up_to_ms", up_to}, {"count", count}};
   };
   return nlohmann::ordered_json{{"tick_cpu", times(r.ticks.cpu)},
                                 {"tick_wall", times(r.ticks.wall)},
@@ -243,9 +308,17 @@ std::string loop_json(const LoopReport& r) {
                                 {"contacts_mean", r.contacts_mean},
                                 {"contacts_max", r.contacts_max},
                                 {"not_converged", r.not_converged},
+                                {"too_many_contacts", r.too_many_contacts},
+                                {"bad_input", r.bad_input},
+                                {"anchor_touched", r.anchor_touched},
                                 {"largest_strain", r.largest_strain},
                                 {"frames_beyond_linear", r.beyond_linear},
-                                {"sched_fifo", r.first_in}}
+                                {"sched_fifo", r.first_in},
+                                {"histograms",
+                                 {{"tick_cpu", bins(r.ticks.cpu)},
+                                  {"tick_wall", bins(r.ticks.wall)},
+                                  {"empty_tick_cpu", bins(r.idle.cpu)},
+                                  {"empty_tick_wall", bins(r.idle.wall)}}}}
       .dump(2);
 }
 

@@ -1,24 +1,25 @@
 // The force loop: ticks at a set rate in a thread of their own, the whole surface in another, at its own
 // rate.
 //
-//                 loads (newest)                      surface (newest)
+//              outcome, loads (newest)                surface (newest)
 //   force loop ---------------------> deformation ---------------------> force loop, for its next detection
 //    tick k                            u = C f
 //                                         |
-//                                         +---> frame(): a viewer, a recorder
+//                                         +---> frame(): a viewer, a recorder. Surface, contacts, wrenches,
+//                                               poses, error bars: all of tick k
 //
-// Both arrows are triple buffers (base/triple_buffer.hpp): one atomic exchange hands over, nobody waits,
-// values in between are lost. A tick reads the newest surface there is, of whatever earlier tick; its forces
-// do not depend on which (step.cpp), so a loop gives the same bits as the same inputs step by step. Between
-// its first and its last tick the force loop allocates nothing, takes no lock and throws nothing. What a tick
-// may cost is bounded by Settings in contacts and iterations, never by a clock: a tick that is late is late,
-// and counted.
+// What came of a tick goes with its loads, so that no frame shows two moments. Both arrows are triple buffers
+// (base/triple_buffer.hpp): one atomic exchange hands over, nobody waits, values in between are lost. A tick
+// reads the newest surface there is, of whatever earlier tick; its forces do not depend on which (step.cpp),
+// so a loop gives the same bits as the same inputs step by step. Between its first and its last tick the
+// force loop allocates nothing, takes no lock and throws nothing. What a tick may cost is bounded by Settings
+// in contacts and iterations, never by a clock: a tick that is late is late, and counted.
 #pragma once
 
 #include <functional>
 
 #include "palpate/base/histogram.hpp"
-#include "palpate/simulation/organs.hpp"
+#include "palpate/simulation/frame.hpp"
 
 namespace palpate {
 
@@ -36,14 +37,15 @@ struct LoopHooks {
   std::function<bool(std::uint64_t k, const State& state, Input& input)> input;
   // Force thread: what came out. May be empty.
   std::function<void(std::uint64_t k, const Input& input, const State& state)> output;
-  // Deformation thread: a new surface, valid during the call. May be empty.
-  std::function<void(const Surface& surface)> frame;
+  // Deformation thread: a new surface and what came of tick k, whose loads it is under; valid during the
+  // call. May be empty.
+  std::function<void(std::uint64_t k, const Frame& frame)> frame;
 };
-// The same with several organs (organs.hpp): one of each an organ. The surfaces are all of the same tick.
+// The same with several organs (organs.hpp): one of each an organ. The frames are all of the same tick.
 struct OrgansHooks {
   std::function<bool(std::uint64_t k, std::span<const State> states, std::span<Input> inputs)> input;
   std::function<void(std::uint64_t k, std::span<const Input> inputs, std::span<const State> states)> output;
-  std::function<void(std::span<const Surface> surfaces)> frame;
+  std::function<void(std::uint64_t k, std::span<const Frame> frames)> frame;
 };
 
 struct LoopTimes {
@@ -53,8 +55,10 @@ struct LoopTimes {
 };
 struct LoopReport {
   LoopTimes ticks, idle;
-  std::uint64_t frames = 0, not_converged = 0, contacts_max = 0;  // in a tick, of all organs
-  double largest_strain = 0;                                      // of the surfaces made
+  std::uint64_t frames = 0, contacts_max = 0;  // the latter: in a tick, of all organs
+  // Ticks with such a status, of any organ.
+  std::uint64_t not_converged = 0, too_many_contacts = 0, bad_input = 0, anchor_touched = 0;
+  double largest_strain = 0;        // of the surfaces made
   std::uint64_t beyond_linear = 0;  // surfaces strained by more than linear_strain
   double contacts_mean = 0;
   double seconds = 0;     // wall, of the ticks
@@ -62,7 +66,7 @@ struct LoopReport {
   bool first_in = false;  // the system granted the force thread precedence (SCHED_FIFO)
 };
 
-// Blocks until the loop ends. state: from make_state, and left as after the last tick (its surface, too).
+// Blocks until the loop ends. state: from make_state, and left as after the last step: with its surface.
 // Throws Error(usage) for a rate out of range, without input(), or for Mode::imprint, whose surface cannot
 // lag behind; Error(resource) where the system has no two threads to give.
 LoopReport run_loop(const Model& model, State& state, const LoopSettings& settings, const LoopHooks& hooks);
@@ -70,7 +74,7 @@ LoopReport run_loop(const Model& model, State& state, const LoopSettings& settin
 LoopReport run_loop(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
                     const OrgansHooks& hooks);
 
-// "p50 0.112  p99 0.203 ..." as lines, in ms; and as an object for summaries.
+// "p50 0.112  p99 0.203 ..." and the histograms as lines, in ms; and as an object for summaries.
 std::string loop_table(const LoopReport& report);
 std::string loop_json(const LoopReport& report);
 

@@ -20,10 +20,10 @@ const TriangleMesh& drawn_surface(const Organ& organ) {
   return organ.drawing.empty() ? organ.surface : organ.drawing.surface;
 }
 
-std::vector<Vec3> drawn_vertices(const Model& model, const State& state) {
-  const Organ& organ = model.organ;
+std::vector<Vec3> drawn_vertices(const Organ& organ, const Pose& pose, const Surface& surface) {
   std::vector<Vec3> nodes(organ.surface_size());
-  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] = deformed(model, state, static_cast<Index>(i));
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    nodes[i] = pose * (organ.surface.vertices[i] + surface.displacement[i].cast<double>());
   if (organ.drawing.empty()) return nodes;
   std::vector<Vec3> out(organ.drawing.surface.vertices.size());
   draw(organ.drawing, organ.surface, nodes, out);

@@ -63,7 +63,7 @@ enum StatusBits : std::uint32_t {
                   // skipped, the state kept
   anchor_touched =
       8,  // an instrument reaches into anchored nodes, which cannot give way; no force comes from there
-  strain_beyond_linear = 16  // a warning of step(): the surface is strained by more than linear_strain
+  strain_beyond_linear = 16  // a warning of deform(): the surface is strained by more than linear_strain
 };
 
 struct Contact {
@@ -97,7 +97,7 @@ struct Wrench {
   Vec3 torque = Vec3::Zero();  // about the instrument's origin, N m, world
 };
 
-// Seconds of each part of the last tick, wall.
+// Seconds of each part of a tick, wall.
 struct StepTimes {
   double detect = 0, solve = 0, deform = 0, total = 0;
 };
@@ -108,22 +108,28 @@ struct DeleteScratch {
   void operator()(StepScratch* scratch) const noexcept;
 };
 
-struct State {
-  Surface surface;                // what step() makes of the loads; tick() leaves it alone
-  Loads loads;                    // of this tick: the contacts' forces as the compliance takes them
-  std::vector<Contact> contacts;  // of this tick: the nodes with a force
-  std::vector<Grasp> grasps;      // that the next tick begins with
-  std::vector<Wrench> wrenches;   // one an instrument
+// What came of a tick, for all who read it: a hand, a viewer, a recorder. Plain data, all of one moment.
+struct Outcome {
+  double time = 0;                // s, of the input
+  Pose organ;                     // of the anchor's frame, world; and below: of the last input not bad
+  std::vector<Pose> instruments;  // one an instrument, world
+  std::vector<Contact> contacts;  // the nodes and places with a force
+  std::vector<Wrench> wrenches;   // one an instrument: what its contacts do to it
   double deepest_before = 0;      // m, largest penetration at rest of a node with a force, >= 0
-  double deepest_after = 0;       // m, largest penetration left
+  double deepest_after = 0;       // m, largest penetration left: the residual
   int relinearisations = 0;
-  std::uint32_t status = status_ok;
-  Pose organ;  // of the last tick's input
+  std::uint32_t status = status_ok;  // StatusBits
+  StepTimes times;
+};
+
+struct State : Outcome {
+  Surface surface;            // what step() makes of the loads; tick() leaves it alone
+  Loads loads;                // of this tick: the contacts' forces as the compliance takes them
+  std::vector<Grasp> grasps;  // that the next tick begins with
   // The instruments in the organ's frame in the last tick, from where the next one follows them; empty before
   // the first. An instrument that moves against the organ by more than a quarter of its size (largest_motion)
   // in one tick is put there: nothing was on its way.
   std::vector<Pose> placed;
-  StepTimes times;
   std::unique_ptr<StepScratch, DeleteScratch> scratch;
 };
 
@@ -135,6 +141,10 @@ State make_state(const Model& model);
 // contacts and wrenches. Which surface it is does not change a bit of them. (Mode::imprint has no forces; it
 // changes state.surface.) Never throws, allocates or locks.
 void tick(const Model& model, State& state, const Input& input, const Surface& surface) noexcept;
+// The surface under a tick's loads, and what it adds to the outcome: strain_beyond_linear, its time. Never
+// throws, allocates or locks.
+void deform(const Organ& organ, const Loads& loads, Deformer& deformer, Surface& surface,
+            Outcome& outcome) noexcept;
 // A tick, and the surface under it. Never throws, allocates or locks.
 void step(const Model& model, State& state, const Input& input) noexcept;
 // Deformed surface node in the world.
@@ -144,8 +154,11 @@ inline Vec3 deformed(const Model& model, const State& state, Index node) {
 }
 // What is drawn: the organ's drawing, or where it has none its surface.
 const TriangleMesh& drawn_surface(const Organ& organ);
-// Its vertices, deformed, in the world.
-std::vector<Vec3> drawn_vertices(const Model& model, const State& state);
+// Its vertices, deformed, in the world; pose: of the organ.
+std::vector<Vec3> drawn_vertices(const Organ& organ, const Pose& pose, const Surface& surface);
+inline std::vector<Vec3> drawn_vertices(const Model& model, const State& state) {
+  return drawn_vertices(model.organ, state.organ, state.surface);
+}
 // Where the node's force acts, in the world: of linear tetrahedra the deformed node.
 inline Vec3 contact_point(const Model& model, const State& state, Index node) {
   return state.organ * (model.organ.contact_points[static_cast<std::size_t>(node)] +

@@ -27,6 +27,9 @@ void gaussian(const Model& model, State& state) {
     };
     double sum = 0;
     for (const Index node : organ.node_of_row) sum += weight(node);
+    const double given = sum > 0 ? model.settings.gaussian_force : 0;
+    Wrench& wrench = state.wrenches[i];
+    wrench = {state.organ.rotation * Vec3(-given * direction), Vec3::Zero()};
     for (const Index node : organ.node_of_row) {
       const double share = sum > 0 ? weight(node) / sum : 0;
       if (share == 0) continue;
@@ -37,14 +40,15 @@ void gaussian(const Model& model, State& state) {
         loads.rows[at(place)] = organ.row_of[at(node)], loads.forces[at(place)].setZero();
       }
       loads.forces[at(place)] += force;
+      const Vec3 point = state.organ * organ.contact_points[at(node)];  // at rest: where it goes is not known
+      wrench.torque -= (point - state.instruments[i].translation).cross(state.organ.rotation * force);
       if (state.contacts.size() == state.contacts.capacity()) continue;
       Contact c;
       c.node = node, c.instrument = static_cast<Index>(i);
       c.force_in_organ = force, c.force = state.organ.rotation * force;
+      c.point = point;
       state.contacts.push_back(c);
     }
-    const double given = sum > 0 ? model.settings.gaussian_force : 0;
-    state.wrenches[i] = {state.organ.rotation * Vec3(-given * direction), {0, 0, 0}};
   }
 }
 
@@ -65,7 +69,7 @@ void imprint(const Model& model, State& state) {
                  if (state.contacts.size() == state.contacts.capacity()) return;
                  Contact c;
                  c.node = node, c.instrument = static_cast<Index>(i), c.gap_before = d,
-                 c.gap_after = w.shapes[i].distance(p);
+                 c.gap_after = w.shapes[i].distance(p), c.point = state.organ * p;
                  state.contacts.push_back(c);
                });
   surface.bounds.update(*surface.clusters, surface.positions);

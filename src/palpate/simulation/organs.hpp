@@ -33,21 +33,23 @@ inline void step(std::span<const Model> models, std::span<State> states,
                  std::span<const Input> inputs) noexcept {
   for (std::size_t i = 0; i < models.size(); ++i) step(models[i], states[i], inputs[i]);
 }
-// What an instrument feels of all organs.
-inline Wrench wrench_of(std::span<const State> states, std::size_t instrument) noexcept {
-  Wrench sum = states[0].wrenches[instrument];
-  for (const State& state : states.subspan(1)) {
-    sum.force += state.wrenches[instrument].force;
-    sum.torque += state.wrenches[instrument].torque;
+// What an instrument feels of all organs; of their states, or of their frames (frame.hpp).
+template <class Outcomes>
+Wrench wrench_of(const Outcomes& organs, std::size_t instrument) noexcept {
+  Wrench sum;
+  for (const Outcome& organ : organs) {
+    sum.force += organ.wrenches[instrument].force;
+    sum.torque += organ.wrenches[instrument].torque;
   }
   return sum;
 }
 
 // How many nodes it holds in this tick.
-inline std::size_t grasped_by(std::span<const State> states, std::size_t instrument) noexcept {
+template <class Outcomes>
+std::size_t grasped_by(const Outcomes& organs, std::size_t instrument) noexcept {
   std::size_t sum = 0;
-  for (const State& state : states)
-    for (const Contact& c : state.contacts)
+  for (const Outcome& organ : organs)
+    for (const Contact& c : organ.contacts)
       sum += c.grasped && c.instrument == static_cast<Index>(instrument);
   return sum;
 }

@@ -14,8 +14,8 @@ namespace {
 
 // The deformed organs and the instruments where they are, in the world; cell array "body": the organs from 0
 // on, then the instruments.
-void write_frame(const std::filesystem::path& path, std::span<const Model> models, const Input& input,
-                 std::span<const State> states, const std::vector<std::vector<Index>>& drawn_of) {
+void write_frame(const std::filesystem::path& path, std::span<const Model> models,
+                 std::span<const Frame> frames, const std::vector<std::vector<Index>>& drawn_of) {
   std::vector<Vec3> points;
   std::vector<Triangle> triangles;
   VtuField body{"body", 1, {}}, displacement{"displacement_m", 3, {}}, force{"force_N", 3, {}};
@@ -33,15 +33,15 @@ void write_frame(const std::filesystem::path& path, std::span<const Model> model
   for (std::size_t o = 0; o < models.size(); ++o) {
     const TriangleMesh& drawn = drawn_surface(models[o].organ);
     const std::size_t first = points.size();
-    add(drawn_vertices(models[o], states[o]), drawn.triangles);
+    const Outcome& outcome = frames[o].outcome;
+    const Surface& surface = frames[o].surface;
+    add(drawn_vertices(models[o].organ, outcome.organ, surface), drawn.triangles);
     for (std::size_t i = 0; i < drawn.vertices.size(); ++i) {
-      const Vec3 u = points[first + i] - states[o].organ * drawn.vertices[i];
+      const Vec3 u = points[first + i] - outcome.organ * drawn.vertices[i];
       for (std::size_t a = 0; a < 3; ++a)
         displacement.values[3 * (first + i) + a] = static_cast<float>(u[static_cast<int>(a)]);
     }
-    const Surface& surface = states[o].surface;
-    const ErrorBar bar = error_bar(models[o].organ, surface);
-    for (const Contact& c : states[o].contacts) {
+    for (const Contact& c : outcome.contacts) {
       for (std::size_t k = 0; k < (c.triangle < 0 ? 1 : 3); ++k) {
         const auto node = static_cast<std::size_t>(
             c.triangle < 0 ? c.node
@@ -52,16 +52,16 @@ void write_frame(const std::filesystem::path& path, std::span<const Model> model
         const std::size_t v = first + static_cast<std::size_t>(drawn_of[o][node]);
         for (std::size_t a = 0; a < 3; ++a)
           force.values[3 * v + a] += static_cast<float>(share[static_cast<int>(a)]);
-        error.values[v] += static_cast<float>(share.norm() * error_bar(bar, surface, row).total());
+        error.values[v] += static_cast<float>(share.norm() * error_bar(frames[o].bar, surface, row).total());
         for (std::size_t i = 0; i < surface.loads.count; ++i)
           if (surface.loads.rows[i] == row)
             strain.values[v] = std::max(strain.values[v], surface.strains.contacts[i].largest);
       }
     }
   }
-  for (std::size_t i = 0; i < input.instruments.size(); ++i) {
+  for (std::size_t i = 0; i < models[0].instruments.size(); ++i) {
     std::vector<Vec3> vertices = models[0].instruments[i].surface.vertices;
-    for (Vec3& v : vertices) v = input.instruments[i] * v;
+    for (Vec3& v : vertices) v = frames[0].outcome.instruments[i] * v;
     add(vertices, models[0].instruments[i].surface.triangles);
   }
   write_vtu(path, points, triangles, {displacement, force, error, strain}, {body});
@@ -92,105 +92,67 @@ double percentile(std::vector<double> values, double fraction) {
   return values[static_cast<std::size_t>(k)];
 }
 
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  AtomicFile out(path);
-  out.write(text);
-  out.commit();
-}
-
 }  // namespace
 
-void ContactSummary::add(double time, std::span<const State> states, const ErrorBar& bar) {
+void ContactSummary::add(std::span<const Frame> frames) {
+  const ErrorBar bar = palpate::largest_bar(frames);
   std::size_t contacts = 0;
   std::uint32_t status = status_ok;
-  for (const State& s : states) {
-    contacts += s.contacts.size(), status |= s.status;
-    deepest_before = std::max(deepest_before, s.deepest_before);
-    deepest_after = std::max(deepest_after, s.deepest_after);
-    largest_strain = std::max(largest_strain, s.surface.strains.largest);
+  for (const Frame& f : frames) {
+    contacts += f.outcome.contacts.size(), status |= f.outcome.status;
+    deepest_before = std::max(deepest_before, f.outcome.deepest_before);
+    deepest_after = std::max(deepest_after, f.outcome.deepest_after);
+    largest_strain = std::max(largest_strain, f.surface.strains.largest);
   }
   if (status & strain_beyond_linear) ++beyond_linear;
   if (bar.total() > largest_bar.total()) largest_bar = bar;
   if (status & palpate::not_converged) ++not_converged;
   contacts_max = std::max(contacts_max, contacts);
+  const std::size_t instruments = frames[0].outcome.wrenches.size();
   std::size_t grasped = 0;
-  for (std::size_t i = 0; i < states[0].wrenches.size(); ++i) grasped += grasped_by(states, i);
+  for (std::size_t i = 0; i < instruments; ++i) grasped += grasped_by(frames, i);
   grasped_max = std::max(grasped_max, grasped);
   contacts_mean += static_cast<double>(contacts);  // a sum, until finish()
   if (contacts > 0) ++steps_in_contact;
-  for (std::size_t i = 0; i < states[0].wrenches.size(); ++i) {
-    const Vec3 force = wrench_of(states, i).force;
+  for (std::size_t i = 0; i < instruments; ++i) {
+    const Vec3 force = wrench_of(frames, i).force;
     if (force.norm() > peak_force)
-      peak_force = force.norm(), peak_direction = force.normalized(), peak_time = time, peak_bar = bar;
+      peak_force = force.norm(), peak_direction = force.normalized(), peak_time = frames[0].outcome.time,
+      peak_bar = bar;
   }
 }
 
 Recorder::Recorder(std::filesystem::path folder, std::span<const Model> models,
                    const std::vector<std::string>& names, std::size_t every)
-    : folder_(std::move(folder)), models_(models), every_(every) {
+    : folder_(std::move(folder)), models_(models), every_(every), forces_(models, names) {
   std::error_code failure;
   std::filesystem::create_directories(every_ ? folder_ / "frames" : folder_, failure);
   if (failure)
     throw Error(ErrorKind::file, "{}: cannot create the folder: {}", folder_.string(), failure.message());
-  forces_ = "step,time_s,contacts,deepest_before_m,deepest_after_m,relinearisations,status,step_ms";
-  const auto wrench_columns = [&](const std::string& of) {
-    for (const Instrument& i : models[0].instruments)
-      for (const char* c : {"fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm", "grasped"})
-        forces_ += "," + of + i.name + "." + c;
-  };
-  wrench_columns("");
   for (std::size_t o = 0; o < models.size(); ++o) {
     drawn_of_.push_back(nearest_drawn(models[o].organ));
     summary_.surface_nodes += models[o].organ.surface_size();
     if (models.size() == 1) break;
-    forces_ += "," + names[o] + ".contacts";
-    wrench_columns(names[o] + ".");
     summary_.organs.push_back({names[o], {}});
     summary_.organs.back().second.surface_nodes = models[o].organ.surface_size();
   }
-  forces_ += "\n";
 }
 
-void Recorder::add(std::size_t step, std::span<const Input> inputs, std::span<const State> states) {
-  double ms = 0, before = 0, after = 0;
-  std::size_t contacts = 0;
-  int relinearisations = 0;
-  std::uint32_t status = status_ok;
-  for (const State& s : states) {
-    ms += 1e3 * s.times.total, contacts += s.contacts.size(), relinearisations += s.relinearisations;
-    before = std::max(before, s.deepest_before), after = std::max(after, s.deepest_after);
-    status |= s.status;
-  }
-  step_ms_.push_back(ms);
-  forces_ += fmt::format("{},{:.9g},{},{:.6g},{:.6g},{},{},{:.4g}", step, inputs[0].time, contacts, before,
-                         after, relinearisations, status, ms);
-  const auto wrenches = [&](std::span<const State> of) {
-    for (std::size_t i = 0; i < of[0].wrenches.size(); ++i) {
-      const Wrench w = wrench_of(of, i);
-      forces_ += fmt::format(",{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{:.7g},{}", w.force.x(), w.force.y(),
-                             w.force.z(), w.torque.x(), w.torque.y(), w.torque.z(), grasped_by(of, i));
-    }
-  };
-  wrenches(states);
+void Recorder::add(std::size_t step, std::span<const State> states) {
+  const std::vector<Frame> made = frames_of(models_, states);
+  const std::span<const Frame> frames = made;
+  double& ms = step_ms_.emplace_back(0);
+  for (const State& s : states) ms += 1e3 * s.times.total;
+  forces_.add(step, frames);
   ++summary_.steps;
-  ErrorBar worst;
-  std::vector<ErrorBar> bars;
-  for (std::size_t o = 0; o < states.size(); ++o) {
-    bars.push_back(error_bar(models_[o].organ, states[o].surface));
-    if (bars[o].total() >= worst.total()) worst = bars[o];
-  }
-  summary_.add(inputs[0].time, states, worst);
-  for (std::size_t o = 0; o < summary_.organs.size(); ++o) {
-    forces_ += fmt::format(",{}", states[o].contacts.size());
-    wrenches(states.subspan(o, 1));
-    summary_.organs[o].second.add(inputs[0].time, states.subspan(o, 1), bars[o]);
-  }
-  forces_ += "\n";
+  summary_.add(frames);
+  for (std::size_t o = 0; o < summary_.organs.size(); ++o)
+    summary_.organs[o].second.add(frames.subspan(o, 1));
   if (every_ && step % every_ == 0) {
     const std::string name = fmt::format("frames/frame{:06}.vtu", step);
-    write_frame(folder_ / name, models_, inputs[0], states, drawn_of_);
+    write_frame(folder_ / name, models_, frames, drawn_of_);
     frames_.push_back(name);
-    frame_times_.push_back(inputs[0].time);
+    frame_times_.push_back(states[0].time);
   }
 }
 
@@ -209,8 +171,10 @@ RunSummary Recorder::finish() {
   std::vector<PvdEntry> entries;
   for (std::size_t i = 0; i < frames_.size(); ++i) entries.push_back({frame_times_[i], frames_[i]});
   if (every_) write_pvd(folder_ / "frames.pvd", entries);
-  write_text(folder_ / "forces.csv", forces_);
-  write_text(folder_ / "summary.json", summary_json(summary_) + "\n");
+  forces_.write(folder_ / "forces.csv");
+  AtomicFile out(folder_ / "summary.json");
+  out.write(summary_json(summary_) + "\n");
+  out.commit();
   return summary_;
 }
 

@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/simulation/error_bars.hpp"
-#include "palpate/simulation/organs.hpp"
+#include "palpate/simulation/force_table.hpp"
 
 namespace palpate {
 
@@ -26,8 +25,8 @@ struct ContactSummary {
   std::size_t beyond_linear = 0;                 // steps with status strain_beyond_linear
   std::size_t steps_in_contact = 0;
 
-  // A step's states, of one organ or of all; bar: of the force, or the largest of theirs.
-  void add(double time, std::span<const State> states, const ErrorBar& bar);
+  // What a step shows, of one organ or of all.
+  void add(std::span<const Frame> frames);
 };
 
 struct RunSummary : ContactSummary {
@@ -41,13 +40,11 @@ class Recorder {
   // Creates the folder. every: steps between frames written as .vtu (0: none). names: of the organs.
   Recorder(std::filesystem::path folder, std::span<const Model> models, const std::vector<std::string>& names,
            std::size_t every);
-  void add(std::size_t step, std::span<const Input> inputs, std::span<const State> states);
+  void add(std::size_t step, std::span<const State> states);
   // One organ.
   Recorder(std::filesystem::path folder, const Model& model, std::size_t every)
       : Recorder(std::move(folder), std::span(&model, 1), {"organ"}, every) {}
-  void add(std::size_t step, const Input& input, const State& state) {
-    add(step, std::span(&input, 1), std::span(&state, 1));
-  }
+  void add(std::size_t step, const State& state) { add(step, std::span(&state, 1)); }
   // Writes frames.pvd, forces.csv and summary.json; returns what summary.json says.
   RunSummary finish();
 
@@ -59,7 +56,7 @@ class Recorder {
   std::vector<double> step_ms_;
   std::vector<std::string> frames_;
   std::vector<double> frame_times_;
-  std::string forces_;
+  ForceTable forces_;
   RunSummary summary_;
 };
 

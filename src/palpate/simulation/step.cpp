@@ -56,6 +56,7 @@ State make_state(const Model& model) {
   state.loads = Loads(s);
   state.contacts.reserve(std::max(capacity, s));
   state.wrenches.assign(instruments, Wrench{});
+  state.instruments.assign(instruments, Pose{});
   state.scratch.reset(new StepScratch(model, capacity, *state.surface.clusters));
   StepScratch& w = *state.scratch;
   std::vector<Index> anchored;
@@ -241,6 +242,7 @@ void report(State& state, const Input& input) {
 
 void tick(const Model& model, State& state, const Input& input, const Surface& surface) noexcept {
   const Timer total = wall_timer();
+  state.time = input.time;
   state.times = {};
   state.relinearisations = 0;
   if (!valid(model, input)) {
@@ -251,6 +253,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   ++state.scratch->ticks;
   state.deepest_before = state.deepest_after = 0;
   state.organ = normalized(input.organ);
+  std::transform(input.instruments.begin(), input.instruments.end(), state.instruments.begin(), normalized);
   place(model, state, input);
   forget_near(*state.scratch);
   if (!state.loads.u_known) state.loads.count = 0;  // another mode's
@@ -280,14 +283,19 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   state.times.total = total.seconds();
 }
 
+void deform(const Organ& organ, const Loads& loads, Deformer& deformer, Surface& surface,
+            Outcome& outcome) noexcept {
+  const Timer timer = wall_timer();
+  deformer(organ, loads, surface);
+  if (surface.strains.beyond_linear()) outcome.status |= strain_beyond_linear;
+  outcome.times.deform = timer.seconds();
+  outcome.times.total += outcome.times.deform;
+}
+
 void step(const Model& model, State& state, const Input& input) noexcept {
   tick(model, state, input, state.surface);
   if (state.status & bad_input || model.settings.mode == Mode::imprint) return;
-  const Timer timer = wall_timer();
-  state.scratch->deformer(model.organ, state.loads, state.surface);
-  if (state.surface.strains.beyond_linear()) state.status |= strain_beyond_linear;
-  state.times.deform = timer.seconds();
-  state.times.total += state.times.deform;
+  deform(model.organ, state.loads, state.scratch->deformer, state.surface, state);
 }
 
 }  // namespace palpate

@@ -2,7 +2,9 @@
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "palpate/io/atomic_file.hpp"
 #include "palpate/simulation/recording.hpp"
@@ -46,6 +48,43 @@ TEST_F(LoopOfProgram, PrintsPercentilesAndLeavesASummary) {
   EXPECT_GE(summary["loop"]["seconds"].get<double>(), 1.49);
   EXPECT_GT(summary["loop"]["contacts_max"].get<int>(), 4);
   EXPECT_GT(summary["loop"]["frames"].get<int>(), 0);
+}
+
+// The same table as step by step, of the ticks that were shown.
+TEST_F(LoopOfProgram, LeavesTheForcesOfItsFrames) {
+  const auto table = [&] {  // without times: of each tick its other cells
+    std::map<std::string, std::vector<std::string>> rows;
+    std::istringstream lines(read_file(folder / "run/forces.csv"));
+    for (std::string line; std::getline(lines, line);) {
+      std::istringstream cells(line);
+      std::vector<std::string> row;
+      for (std::string cell; std::getline(cells, cell, ',');) row.push_back(cell);
+      if (row.size() > 7) row.erase(row.begin() + 7);
+      EXPECT_TRUE(rows.emplace(row.at(0), row).second) << line;
+    }
+    return rows;
+  };
+  const Ran steps = (*this)("");
+  ASSERT_EQ(steps.exit_code, 0) << steps.output;
+  const auto expected = table();
+  const std::vector<std::string>& header = expected.at("step");
+  EXPECT_EQ(header.at(7), "force_error");
+  const Ran loop = (*this)("--loop --frame-rate 100");
+  ASSERT_EQ(loop.exit_code, 0) << loop.output;
+  const auto rows = table();
+  const json summary = json::parse(read_file(folder / "run/summary.json"));
+  EXPECT_EQ(rows.size(), 1 + summary["loop"]["frames"].get<std::size_t>());
+  EXPECT_GT(rows.size(), 10u);
+  double force = 0, error = 0;
+  for (const auto& [tick, row] : rows) {
+    EXPECT_EQ(row, expected.at(tick)) << tick;
+    if (tick == "step") continue;
+    error = std::max(error, std::stod(row.at(7)));
+    force = std::max(force, std::abs(std::stod(row.at(10))));
+  }
+  EXPECT_EQ(header.at(10), "bar.fz_N");
+  EXPECT_GT(force, 0.05);
+  EXPECT_GT(error, 0.01);
 }
 
 TEST_F(LoopOfProgram, WhatAHandDidIsReplayedWithoutIt) {

@@ -25,6 +25,26 @@ TEST(Histogram, PercentilesWithinABin) {
   EXPECT_EQ(h.percentile(1), all.back());
 }
 
+TEST(Histogram, GivesItsBins) {
+  Histogram h;
+  std::vector<double> all{1e-6, 1.001e-6, 2e-4, 2e-4, 0.3};
+  for (const double t : all) h.add(t);
+  std::size_t seen = 0;
+  double last = 0;
+  h.each_bin([&](double end, std::uint64_t count) {
+    EXPECT_GT(end, last);
+    EXPECT_GT(count, 0u);
+    last = end;
+    for (; count > 0; --count, ++seen) {  // the next of all are in it
+      ASSERT_LT(seen, all.size());
+      EXPECT_LE(all[seen], end);
+      EXPECT_GE(all[seen] * 1.03, end);
+    }
+  });
+  EXPECT_EQ(seen, all.size());
+  Histogram().each_bin([](double, std::uint64_t) { ADD_FAILURE(); });
+}
+
 TEST(Histogram, AbsurdTimesFallIntoTheLastBins) {
   Histogram h;
   for (const double t : {0.0, -1.0, 1e-12, 1e9}) h.add(t);

@@ -77,7 +77,7 @@ TEST(Loop, AllocatesNothing) {
                                              : Vec3(0.04 * t - 0.02, 0, 0.141 - 0.012 * std::min(1.0, 5 * t));
       return k < 300;
     };
-    hooks.frame = [&](const Surface&) {
+    hooks.frame = [&](std::uint64_t, const Frame&) {
       if (frame_first == 0) frame_first = thread_allocations;
       frame_last = thread_allocations;
     };
@@ -116,7 +116,7 @@ TEST(Loop, AllocatesNothingWhateverItMeets) {
       input.grips = {k > 150 && k<250, k> 200 && k < 220};
       return true;
     };
-    hooks.frame = [&](const Surface&) {
+    hooks.frame = [&](std::uint64_t, const Frame&) {
       if (frames++ == 0) frame_first = thread_allocations;
       frame_last = thread_allocations;
     };
@@ -128,6 +128,44 @@ TEST(Loop, AllocatesNothingWhateverItMeets) {
     EXPECT_GT(places, 50u);
     EXPECT_GT(rubbed, 50u);
   }
+}
+
+// From nothing touched to all that can be, in one tick, and back; a frame's reader asks all its error bars.
+TEST(Loop, AllocatesNothingWhenAllIsTouched) {
+  if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "the sanitizers have their own malloc";
+  for (const Mode mode : {Mode::unilateral, Mode::prescribed, Mode::gaussian})
+    for (const Storage storage : {Storage::dense, Storage::hierarchical}) {
+      Model model = block_model(8, HalfSpace{}, mode);
+      model.organ = block_organ(8, {1, storage, 1e-3, 0});
+      model.settings.gaussian_radius = 0.1;
+      model.instruments.push_back(model.instruments[0]);
+      State state = make_state(model);
+      std::size_t first = 0, last = 0, most = 0, frame_first = 0, frame_last = 0, frames = 0, shown = 0;
+      double bars = 0;
+      LoopSettings settings;
+      settings.frame_rate = 500, settings.ticks = 200;
+      LoopHooks hooks;
+      hooks.input = [&](std::uint64_t k, const State& s, Input& input) {
+        (k == 0 ? first : last) = thread_allocations;
+        most = std::max(most, s.contacts.size());
+        const bool touches = k > 60 && k < 140;
+        for (Pose& pose : input.instruments)  // upside down, its solid above
+          pose = {Eigen::Quaterniond(0, 1, 0, 0), Vec3(0, 0, touches ? 0.095 : 9)};
+        return true;
+      };
+      hooks.frame = [&](std::uint64_t, const Frame& frame) {
+        if (frames++ == 0) frame_first = thread_allocations;
+        for (const Contact& c : frame.outcome.contacts) bars += error_bar(model.organ, frame, c).total();
+        shown = std::max(shown, frame.outcome.contacts.size());
+        frame_last = thread_allocations;
+      };
+      run_loop(model, state, settings, hooks);
+      EXPECT_EQ(last, first) << name(mode) << ' ' << storage_name(storage);
+      EXPECT_EQ(frame_last, frame_first) << name(mode) << ' ' << storage_name(storage);
+      EXPECT_GE(most, 81u) << name(mode);
+      EXPECT_EQ(shown, most) << name(mode);
+      EXPECT_GT(bars, 0);
+    }
 }
 
 // Two organs, a recording, and what a haptic device does with the sum of the wrenches.
@@ -155,7 +193,7 @@ TEST(Loop, AllocatesNothingWithTwoOrgans) {
   hooks.output = [&](std::uint64_t, std::span<const Input> inputs, std::span<const State> now) {
     recording.add(inputs, now);
   };
-  hooks.frame = [&](std::span<const Surface>) {
+  hooks.frame = [&](std::uint64_t, std::span<const Frame>) {
     if (frames++ == 0) frame_first = thread_allocations;
     frame_last = thread_allocations;
   };

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <thread>
 
 #include "fixtures.hpp"
@@ -37,7 +38,9 @@ TEST(Loop, SameBitsAsStepByStep) {
   hooks.output = [&](std::uint64_t k, const Input&, const State& s) {
     differing += s.wrenches[0].force != forces[k];
   };
-  hooks.frame = [&](const Surface& s) { frames += s.displacement.size() == model.organ.surface_size(); };
+  hooks.frame = [&](std::uint64_t, const Frame& f) {
+    frames += f.surface.displacement.size() == model.organ.surface_size();
+  };
   const LoopReport report = run_loop(model, state, settings, hooks);
   EXPECT_EQ(differing, 0u);
   EXPECT_EQ(report.ticks.wall.count(), 401u);
@@ -130,6 +133,48 @@ TEST(Loop, FourThousandTicksASecond) {
   EXPECT_GT(report.contacts_max, 0u);
 }
 
+// Each status is counted where it is met; the histograms' columns hold all ticks.
+TEST(Loop, CountsWhatItMeets) {
+  Model model = block_model(4, Sphere{0.05});
+  model.settings.max_contacts = 3;
+  State state = make_state(model);
+  LoopSettings settings;
+  settings.rate = 0, settings.ticks = 60, settings.idle_ticks = 7;
+  std::uint64_t full = 0, anchored = 0;
+  LoopHooks hooks;
+  hooks.input = [&](std::uint64_t k, const State&, Input& in) {
+    in = at(k < 10 ? Vec3(0, 0, std::nan("")) : k < 30 ? Vec3(0, 0, 0.13) : Vec3(0.06, 0, 0.005));
+    return true;
+  };
+  hooks.output = [&](std::uint64_t, const Input&, const State& s) {
+    full += (s.status & too_many_contacts) != 0, anchored += (s.status & anchor_touched) != 0;
+  };
+  const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_EQ(report.bad_input, 10u);
+  EXPECT_GE(full, 20u);
+  EXPECT_EQ(report.too_many_contacts, full);
+  EXPECT_EQ(anchored, 30u);
+  EXPECT_EQ(report.anchor_touched, anchored);
+  const std::string table = loop_table(report);
+  std::istringstream rows(table.substr(table.find("ticks of up to")));
+  std::string line;
+  std::getline(rows, line);
+  std::array<std::uint64_t, 3> sum{};
+  double last = 0;
+  while (std::getline(rows, line)) {
+    std::istringstream row(line);
+    double up_to = 0;
+    std::string unit;
+    std::array<std::uint64_t, 3> counts{};
+    row >> up_to >> unit >> counts[0] >> counts[1] >> counts[2];
+    ASSERT_TRUE(row) << line;
+    EXPECT_GT(up_to, last);
+    last = up_to;
+    for (std::size_t c = 0; c < 3; ++c) sum[c] += counts[c];
+  }
+  EXPECT_EQ(sum, (std::array<std::uint64_t, 3>{60, 60, 7})) << table;
+}
+
 TEST(Loop, ItsReportHasAllKeys) {
   const Model model = block_model(4, Sphere{0.02});
   State state = make_state(model);
@@ -158,12 +203,22 @@ TEST(Loop, ItsReportHasAllKeys) {
       EXPECT_EQ(times.at("count"), json.at("frames"));
     }
   }
-  for (const char* key :
-       {"missed", "empty_missed", "frames", "contacts_max", "not_converged", "frames_beyond_linear"})
+  for (const char* key : {"missed", "empty_missed", "frames", "contacts_max", "not_converged",
+                          "too_many_contacts", "bad_input", "anchor_touched", "frames_beyond_linear"})
     EXPECT_TRUE(json.at(key).is_number_unsigned()) << key;
   for (const char* key : {"seconds", "contacts_mean", "largest_strain"})
     EXPECT_GT(json.at(key).get<double>(), 0) << key;
   EXPECT_TRUE(json.at("sched_fifo").is_boolean());
+  for (const char* part : {"tick_cpu", "tick_wall", "empty_tick_cpu", "empty_tick_wall"}) {
+    const auto up_to = json.at("histograms").at(part).at("up_to_ms").get<std::vector<double>>();
+    const auto count = json["histograms"][part].at("count").get<std::vector<std::uint64_t>>();
+    ASSERT_EQ(up_to.size(), count.size()) << part;
+    EXPECT_EQ(std::accumulate(count.begin(), count.end(), std::uint64_t{0}), json[part]["count"]) << part;
+    EXPECT_GT(*std::min_element(count.begin(), count.end()), 0u) << part;
+    EXPECT_TRUE(std::is_sorted(up_to.begin(), up_to.end())) << part;
+    EXPECT_GE(up_to.back(), json[part]["worst_ms"].get<double>()) << part;
+    EXPECT_LT(up_to.back(), 1.03 * json[part]["worst_ms"].get<double>()) << part;
+  }
 }
 
 }  // namespace

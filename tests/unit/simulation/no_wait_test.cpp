@@ -23,6 +23,8 @@ static_assert(noexcept(place(std::span<Input>(), 0, of<const Pose>())));
 static_assert(noexcept(grip(std::span<Input>(), 0, true)));
 static_assert(noexcept(wrench_of(std::span<const State>(), 0)));
 static_assert(noexcept(of<Deformer>()(of<const Organ>(), of<const Loads>(), of<Surface>())));
+static_assert(noexcept(deform(of<const Organ>(), of<const Loads>(), of<Deformer>(), of<Surface>(),
+                              of<Outcome>())));
 static_assert(noexcept(of<Loads>().copy(of<const Loads>())));
 static_assert(noexcept(of<ContactSolver>().solve(of<const ContactBlock>(), {}, {}, 0, of<SolverLimits>())));
 static_assert(noexcept(of<ContactSolver>().prescribed(of<const ContactBlock>(), {}, {}, of<SolverLimits>())));
@@ -70,7 +72,7 @@ TEST(Loop, TakesNoLock) {
     hooks.output = [&](std::uint64_t, std::span<const Input> inputs, std::span<const State> now) {
       recording.add(inputs, now);
     };
-    hooks.frame = [&](std::span<const Surface>) {
+    hooks.frame = [&](std::uint64_t, std::span<const Frame>) {
       if (frames++ == 0) frame_first = thread_locks;
       frame_last = thread_locks;
     };

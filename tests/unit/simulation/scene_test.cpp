@@ -55,7 +55,7 @@ TEST_F(SceneFile, RunsFromFileToFolder) {
   for (std::size_t k = 0; k < scene.steps; ++k) {
     const Input input = input_at(scene.motion, 0.001 * static_cast<double>(k));
     step(scene.models[0], state, input);
-    recorder.add(k, input, state);
+    recorder.add(k, state);
   }
   const RunSummary summary = recorder.finish();
   EXPECT_EQ(summary.steps, 201u);
@@ -110,7 +110,7 @@ TEST_F(SceneFile, SeveralOrgansHaveNamesAndMaterialsOfTheirOwn) {
   for (std::size_t k = 0; k < scene.steps; ++k) {
     set_inputs(scene.motion, 0.001 * static_cast<double>(k), inputs);
     step(scene.models, states, inputs);
-    recorder.add(k, inputs, states);
+    recorder.add(k, states);
   }
   EXPECT_EQ(inputs[0].organ.translation, Vec3::Zero());
   EXPECT_NEAR(inputs[1].organ.translation.z(), 0.247, 1e-15);
