@@ -21,10 +21,9 @@ inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // An instrument's motion against the organ since the last tick.
 struct Sweep {
-  Pose last;           // from the organ's frame to its own then
-  bool known = false;  // otherwise it was put where it is
-  double way = 0;      // m, the largest of a corner of its box
-  double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
+  Pose last;                    // from the organ's frame to its own then
+  bool known = false;           // otherwise it was put where it is
+  double way = 0;               // m, the largest of a corner of its box
   std::array<Vec3, 8> corners;  // where those of its box are, organ frame, m
   std::array<Vec3, 8> ways;     // and how each came there from where it was
 
@@ -113,6 +112,14 @@ struct StepScratch {
   double size = 0, tolerance = 0, reach = 0;  // m
 };
 
+// How far an instrument, and tissue by so much, have come in this tick, m: what was this near may have been
+// passed through; 0: less than its thinness.
+inline double way_through(const StepScratch& w, std::size_t instrument, double tissue = 0) {
+  const Sweep& s = w.sweeps[instrument];
+  const double way = s.way + tissue;
+  return s.known && way > 0.5 * w.shapes[instrument].finest ? way : 0.0;
+}
+
 inline Pose normalized(Pose p) {
   p.rotation.normalize();
   return p;
@@ -166,11 +173,10 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface);
 // A place on a triangle, without displacement, path and force.
 ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
                       const Vec3& weights);
-// How near an instrument was to what it may have passed through between nodes, m; 0: nothing. What is thicker
-// than its way goes through nothing.
-inline double swept_reach(const StepScratch& w, std::size_t instrument) {
-  const Sweep& s = w.sweeps[instrument];
-  return s.way > w.faces.thickness[instrument] ? s.reach : 0.0;
+// The same between nodes: what is thicker than the way goes through nothing.
+inline double way_between(const StepScratch& w, std::size_t instrument, double tissue = 0) {
+  const double way = way_through(w, instrument, tissue);
+  return way > w.faces.thickness[instrument] ? way : 0.0;
 }
 // Triangles an instrument may come to reach into in this tick, under displacements that drift so far from the
 // surface; their nodes are near.
