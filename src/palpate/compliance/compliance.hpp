@@ -27,6 +27,7 @@ class ComplianceStorage {
   virtual Storage kind() const noexcept = 0;
   virtual std::size_t nodes() const noexcept = 0;
   virtual std::size_t bytes() const noexcept = 0;
+  virtual bool mirrors_bits() const noexcept { return false; }
   virtual std::unique_ptr<ComplianceWork> make_work() const { return nullptr; }
   virtual void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
                      ComplianceWork* work) const noexcept = 0;
@@ -56,7 +57,7 @@ class Compliance {
   bool same_numbers(const Compliance& other) const noexcept { return storage_ == other.storage_; }
   // Whether block() gives C_ij and C_ji the same bits. Of the hierarchical storage a far pair goes another
   // way from each side.
-  bool mirrors_bits() const noexcept { return !storage_ || storage_->kind() <= Storage::half; }
+  bool mirrors_bits() const noexcept { return !storage_ || storage_->mirrors_bits(); }
   // All numbers of the dense float32 storage; empty in the others.
   std::span<const float> matrix() const noexcept;
 

@@ -16,6 +16,7 @@ class DenseCompliance final : public ComplianceStorage {
   Storage kind() const noexcept override { return Storage::dense; }
   std::size_t nodes() const noexcept override { return nodes_; }
   std::size_t bytes() const noexcept override { return matrix_.size() * sizeof(float); }
+  bool mirrors_bits() const noexcept override { return true; }
   std::span<const float> matrix() const noexcept { return matrix_; }
   void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,
              ComplianceWork* work = nullptr) const noexcept override;
@@ -37,6 +38,7 @@ class HalfCompliance final : public ComplianceStorage {
   Storage kind() const noexcept override { return Storage::half; }
   std::size_t nodes() const noexcept override { return scale_.size() / 3; }
   std::size_t bytes() const noexcept override { return values_.size() * 2 + scale_.size() * sizeof(float); }
+  bool mirrors_bits() const noexcept override { return true; }
   std::span<const std::uint16_t> values() const noexcept { return values_; }
   std::span<const float> scale() const noexcept { return scale_; }
   void apply(std::span<const Index> contacts, std::span<const float> forces, std::span<float> u,

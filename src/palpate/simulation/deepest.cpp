@@ -27,6 +27,20 @@ Cell whole() { return {Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()}; }
 
 }  // namespace
 
+double way_out(const PlacedShape& shape, const Vec3& p, const Vec3& along, double most) noexcept {
+  double out = 0, d = shape.distance(p);
+  const auto go = [&] { d = shape.distance(p + (out += std::max(std::abs(d), 0.02 * most)) * along); };
+  for (int k = 0; k < 40 && d >= 0 && out <= most; ++k) go();  // to the solid, from its other side
+  double in = out;
+  for (int k = 0; k < 40 && d < 0 && out <= most; ++k) in = out, go();
+  if (d < 0 || out > most) return infinite;
+  for (int i = 0; i < 20; ++i) {
+    const double middle = (in + out) / 2;
+    (shape.distance(p + middle * along) < 0 ? in : out) = middle;
+  }
+  return out;
+}
+
 double radius_of(const std::array<Vec3, 3>& corners) noexcept {
   const Vec3 middle = (corners[0] + corners[1] + corners[2]) / 3;
   double radius = 0;
@@ -64,6 +78,7 @@ Samples sample(const View& view, double leaf, double more) noexcept {
 Deepest sample_swept(const View& view, double leaf, double more) noexcept {
   Deepest best;
   const double radius = std::max(radius_of(view.now), radius_of(view.before));
+  const Vec3 into = inwards(view.now);
   divide(
       whole(), 1, leaf,
       [&](const Vec3& w, double share) {
@@ -71,7 +86,13 @@ Deepest sample_swept(const View& view, double leaf, double more) noexcept {
                       view.shape.own(view.point(view.now, w)), share * radius);
       },
       [&](const Vec3& w, double share) {
-        const double depth = -gap_by_path(view.shape, view.path(w), view.point(view.now, w)).distance;
+        const Vec3 p = view.point(view.now, w);
+        const Path path = view.path(w);
+        double depth = -gap_by_path(view.shape, path, p).distance;
+        if (depth < 0 && has_passed(view.shape, path, p)) {
+          const double most = 2 * way_of(view.shape, path, p), out = way_out(view.shape, p, into, most);
+          if (out <= most) depth = out;
+        }
         if (depth > std::max(more, best.depth)) best = {w, depth, share};
       });
   return best;

@@ -57,11 +57,26 @@ struct Samples {
   double bound = -infinite;  // nothing in the triangle is deeper
 };
 
+inline Vec3 inwards(const std::array<Vec3, 3>& corners) {
+  return (corners[2] - corners[0]).cross(corners[1] - corners[0]).normalized();
+}
+// How far a point has come by its path, m; whether that led through the solid, or into it.
+inline double way_of(const PlacedShape& shape, const Path& path, const Vec3& p) noexcept {
+  return path.known ? (shape.own(p) - path.from).norm() : 0.0;
+}
+inline bool has_passed(const PlacedShape& shape, const Path& path, const Vec3& p) noexcept {
+  return path.known && passes(*shape.shape, path.from, shape.own(p), 0);
+}
+// How far a point in the solid is from being out of it along a way, m; infinite: farther than `most`.
+double way_out(const PlacedShape& shape, const Vec3& p, const Vec3& along, double most) noexcept;
+
 // Of the ball about the middle of a triangle that holds what is between the triangle and its places, m.
 double radius_of(const std::array<Vec3, 3>& corners) noexcept;
 // Of samples in parts of size `leaf`, but for where nothing is deeper than `more`, m.
 Samples sample(const View& view, double leaf, double more) noexcept;
-// The deepest of what the instrument has passed through in this tick, by the samples' paths.
+// The deepest of what the instrument has passed through in this tick, by the samples' paths. One that would
+// have come round it alone takes the triangle along: it is as deep as it is far from being out on the inner
+// side.
 Deepest sample_swept(const View& view, double leaf, double more) noexcept;
 // From `best` uphill, until the steps, or what they gain, are of no account `within` m; it ends where `more`
 // is out of reach.

@@ -65,7 +65,6 @@ void place(const Model& model, State& state, const Input& input) {
       continue;
     }
     sweep.last = state.placed[i].inverse(), sweep.known = true, sweep.way = moved;
-    sweep.reach = moved > 0.5 * w.shapes[i].finest ? moved : 0.0;
     sweep.epoch = last.epoch, sweep.gone = last.gone + moved;
   }
   const double least = 10 * w.tolerance;  // less is the solver's own noise
@@ -242,7 +241,7 @@ bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrume
               double near, double drifted) {
   const double clearance =
       near + static_cast<double>(w.softness[at(node)]) * std::max(drifted, w.drifted_before);
-  if (d <= clearance || w.sweeps[instrument].reach == 0) return d <= clearance;
+  if (d <= clearance || way_through(w, instrument) == 0) return d <= clearance;
   const Vec3& p = surface.positions[at(node)];
   const PlacedShape& shape = w.shapes[instrument];
   return passes(*shape.shape, w.sweeps[instrument].last * p, shape.to_shape * p, clearance);
@@ -279,11 +278,10 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
                      double reach, double drifted) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
-  const Sweep& sweep = w.sweeps[instrument];
   const Index* points = w.point_of.data() + instrument * model.organ.surface_size();
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
-  const double near = reach + w.tolerance, swept = near + sweep.reach;
+  const double near = reach + w.tolerance, swept = near + way_through(w, instrument);
   look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept, drifted,
             [&](Index node, double within) {
               if (points[node] >= 0) return;
@@ -308,14 +306,12 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
               double reach, Found&& found) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
-  const Sweep& sweep = w.sweeps[instrument];
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const auto softness = static_cast<double>(w.softness[at(node)]);
-    const double way = sweep.way + softness * w.come;
-    const bool may_pass = sweep.known && way > 0.5 * shape.finest;
-    const double within = (may_pass ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
+    const double way = way_through(w, instrument, softness * w.come);
+    const double within = (way > 0 ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
     if (clearance(w, instrument, node) >= within) continue;
     const Vec3 about = displacement_about(model, state, node);
     double d = shape.distance(model.organ.contact_points[at(node)] + about);
@@ -324,8 +320,8 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
     if (u != about) d = shape.distance(p);
-    if (d >= reach && may_pass && d < 1.5 * way &&
-        sweep.way + (u - displacement_before(model, state, node)).norm() > 0.5 * shape.finest)
+    if (d >= reach && way > 0 && d < 1.5 * way &&
+        way_through(w, instrument, (u - displacement_before(model, state, node)).norm()) > 0)
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
   }
@@ -454,9 +450,8 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (!all_near) {  // near_now() looks so far for what has passed through
-      const double way = w.sweeps[i].way + w.softest * w.come;
-      const bool may_pass = w.sweeps[i].known && way > 0.5 * w.shapes[i].finest;
-      find_candidates(model, state, surface, i, may_pass ? 1.5 * way : -w.tolerance, drifted);
+      const double way = way_through(w, i, w.softest * w.come);
+      find_candidates(model, state, surface, i, way > 0 ? 1.5 * way : -w.tolerance, drifted);
     }
     near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance,
              [&](Index node, double d, const Vec3& u) {

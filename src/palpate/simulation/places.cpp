@@ -63,10 +63,6 @@ double least_turn(const StepScratch& w, std::size_t triangle, std::size_t instru
   return 1e-3 + 0.06 * std::min(1.0, w.sweeps[instrument].way / w.faces.faces[triangle].longest);
 }
 
-Vec3 inwards(const std::array<Vec3, 3>& corners) {
-  return (corners[2] - corners[0]).cross(corners[1] - corners[0]).normalized();
-}
-
 constexpr double on_edge = 1e-3;  // weight of a corner, below which a place is on the edge opposite to it
 
 struct Facing {
@@ -101,21 +97,6 @@ Facing facing_at(const Model& model, const StepScratch& w, std::size_t triangle,
   return out;
 }
 
-// How far a point in the solid is from being out of it along a way, m; infinite: farther than `most`.
-double way_out(const PlacedShape& shape, const Vec3& p, const Vec3& along, double most) noexcept {
-  double out = 0, d = shape.distance(p);
-  const auto go = [&] { d = shape.distance(p + (out += std::max(std::abs(d), 0.02 * most)) * along); };
-  for (int k = 0; k < 40 && d >= 0 && out <= most; ++k) go();  // to the solid, from its other side
-  double in = out;
-  for (int k = 0; k < 40 && d < 0 && out <= most; ++k) in = out, go();
-  if (d < 0 || out > most) return infinite;
-  for (int i = 0; i < 20; ++i) {
-    const double middle = (in + out) / 2;
-    (shape.distance(p + middle * along) < 0 ? in : out) = middle;
-  }
-  return out;
-}
-
 // The plane that stands for an instrument at a place: what touches a triangle is on the side it faces. False
 // where it has come round an edge of the instrument. What the instrument cuts after a fast motion, or has
 // pierced, is let out along its normal.
@@ -126,11 +107,10 @@ bool take_plane(const StepScratch& w, const Vec3& facing, ContactPoint& c) noexc
   Gap g = shape.gap(p);
   double along = g.normal.dot(facing);
   if (along < least_facing) g = gap_by_path(shape, c.path, p), along = g.normal.dot(facing);
-  if (along < least_facing &&
-      (g.distance < 0 || (c.path.known && passes(*shape.shape, c.path.from, shape.own(p), 0)))) {
+  if (along < least_facing && (g.distance < 0 || has_passed(shape, c.path, p))) {
     const bool pierced = shape.distance(p) < -0.5 * w.faces.thickness[at(c.instrument)];
-    const double most =
-        2 * w.sweeps[at(c.instrument)].way + (pierced ? w.faces.faces[at(c.triangle)].longest : 0);
+    const double way = std::max(w.sweeps[at(c.instrument)].way, way_of(shape, c.path, p));
+    const double most = 2 * way + (pierced ? w.faces.faces[at(c.triangle)].longest : 0);
     if (const double depth = way_out(shape, p, facing, most); depth <= most)
       g = {-depth, facing, 1}, along = 1;
   }
@@ -162,9 +142,17 @@ Deepest search(const Model& model, State& state, View& view, LookedAt& seen, boo
   }
   double clearance = best.size > 0 ? more - best.depth : w.tolerance - samples.bound;
   seen.weights = best.size > 0 ? best.weights : Vec3(Vec3::Zero());
-  swept = best.depth <= more && swept_reach(w, view.instrument) > 0;
+  float softness = 0;  // the tissue's way counts, too: first at most, then as it is
+  for (const Index node : model.organ.surface.triangles[view.triangle])
+    softness = std::max(softness, w.softness[at(node)]);
+  swept = best.depth <= more && way_between(w, view.instrument, static_cast<double>(softness) * w.come) > 0;
   if (swept) {
     view.before = corners_before(model, state, view.triangle);
+    double way = 0;
+    for (std::size_t k = 0; k < 3; ++k) way = std::max(way, (view.now[k] - view.before[k]).norm());
+    swept = way_between(w, view.instrument, way) > 0;
+  }
+  if (swept) {
     const double slack = 0.1 * longest, radius = std::max(radius_of(view.now), radius_of(view.before));
     const Vec3 middle = Vec3::Constant(1.0 / 3);
     if (!passes(*view.shape.shape, view.sweep.last * view.point(view.before, middle),

@@ -24,7 +24,6 @@ struct Sweep {
   Pose last;           // from the organ's frame to its own then
   bool known = false;  // otherwise it was put where it is
   double way = 0;      // m, the largest of a corner of its box
-  double reach = 0;    // m: what was this near may have been passed through; 0: moved less than its thinness
   double gone = 0;     // m, sum of the ways since the epoch began, when it was put where it is; an epoch of 0
   std::uint64_t epoch = 0;      // has no end: how far the instrument goes says nothing
   std::array<Vec3, 8> corners;  // where those of its box are, organ frame, m
@@ -124,6 +123,14 @@ struct StepScratch {
   double size = 0, tolerance = 0, reach = 0;  // m
 };
 
+// How far an instrument, and tissue by so much, have come in this tick, m: what was this near may have been
+// passed through; 0: less than its thinness.
+inline double way_through(const StepScratch& w, std::size_t instrument, double tissue = 0) {
+  const Sweep& s = w.sweeps[instrument];
+  const double way = s.way + tissue;
+  return s.known && way > 0.5 * w.shapes[instrument].finest ? way : 0.0;
+}
+
 inline Pose normalized(Pose p) {
   p.rotation.normalize();
   return p;
@@ -177,11 +184,10 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface);
 // A place on a triangle, without displacement, path and force.
 ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
                       const Vec3& weights);
-// How near an instrument was to what it may have passed through between nodes, m; 0: nothing. What is thicker
-// than its way goes through nothing.
-inline double swept_reach(const StepScratch& w, std::size_t instrument) {
-  const Sweep& s = w.sweeps[instrument];
-  return s.way > w.faces.thickness[instrument] ? s.reach : 0.0;
+// The same between nodes: what is thicker than the way goes through nothing.
+inline double way_between(const StepScratch& w, std::size_t instrument, double tissue = 0) {
+  const double way = way_through(w, instrument, tissue);
+  return way > w.faces.thickness[instrument] ? way : 0.0;
 }
 // Triangles an instrument may come to reach into in this tick, under displacements that drift so far from the
 // surface; their nodes are near.

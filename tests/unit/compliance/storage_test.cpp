@@ -92,6 +92,8 @@ TEST_P(Storages, BlockApplyAndRowAgreeWithTheDenseMatrix) {
   // Hierarchical: the tolerance is of blocks' norms; single entries are further off than these.
   EXPECT_LT(scaled_error(all, body.exact), GetParam() == Storage::hierarchical ? 5 * tolerance : tolerance);
   EXPECT_EQ(Eigen::LLT<Eigen::MatrixXd>(all.cast<double>()).info(), Eigen::Success);
+  EXPECT_TRUE(!c.mirrors_bits() || all == all.transpose());
+  EXPECT_EQ(c.mirrors_bits(), GetParam() == Storage::dense || GetParam() == Storage::half);
 
   std::mt19937 random(5);
   for (const std::size_t contacts : {0, 1, 2, 7, 8, 9, 100}) {

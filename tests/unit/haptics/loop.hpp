@@ -11,15 +11,22 @@ struct ForceLoop {
     input.grips = {0};
   }
 
-  // Reads, couples, steps, writes; returns what the hand felt.
-  Wrench tick(HapticDevice& device, double dt = 1e-3) noexcept {
+  // Reads and couples.
+  void lead(HapticDevice& device, double dt = 1e-3) noexcept {
     sample = device.read();
     input.instruments[0] = couple(settings, coupling, sample, state.wrenches[0], dt);
     input.grips[0] = sample.buttons != 0;
-    step(model, state, input);
+  }
+  // Writes; returns what the hand felt.
+  Wrench feel(HapticDevice& device) noexcept {
     const Wrench felt = hand_wrench(settings, coupling, state.wrenches[0]);
     device.write(felt);
     return felt;
+  }
+  Wrench tick(HapticDevice& device, double dt = 1e-3) noexcept {
+    lead(device, dt);
+    step(model, state, input);
+    return feel(device);
   }
 
   double radius() const { return std::get<Sphere>(model.instruments[0].shape).radius; }

@@ -3,6 +3,7 @@
 
 #include "loop.hpp"
 #include "motion_file.hpp"
+#include "palpate/simulation/loop.hpp"
 
 namespace palpate {
 namespace {
@@ -25,6 +26,12 @@ TEST(Loopback, IsAMassOnASpring) {
   EXPECT_TRUE(device->read().pose.translation.allFinite());
 }
 
+struct Swing {
+  double least = 1e9, most = -1e9;
+  void add(double x) { least = std::min(least, x), most = std::max(most, x); }
+  double size() const { return most - least; }
+};
+
 // A minute of pressing on the pillar of stone; after half of it a tap of 5 mm. Before and after, once the
 // hand is at rest, nothing swings.
 TEST(Loopback, PressesOnStoneWithoutOscillation) {
@@ -38,11 +45,6 @@ TEST(Loopback, PressesOnStoneWithoutOscillation) {
       "30.05,0.001,0.002,0.100\n"
       "30.055,0.001,0.002,0.105\n"
       "60,0.001,0.002,0.105\n");
-  struct Swing {
-    double least = 1e9, most = -1e9;
-    void add(double x) { least = std::min(least, x), most = std::max(most, x); }
-    double size() const { return most - least; }
-  };
   for (const double young : {1e6, 4e6, 1.5e7})
     for (const char* hand : {"", ",mass=0.05,stiffness=1000,damping=0.5,friction=0.1"}) {
       const auto device = open_device(file.device("loopback", hand));
@@ -68,6 +70,43 @@ TEST(Loopback, PressesOnStoneWithoutOscillation) {
       EXPECT_LT(height.size(), 1e-6);
       EXPECT_GT(tap.size(), 0.5);
     }
+}
+
+// The same for some seconds in the loop's threads, where the surface lags behind: the hand feels what it does
+// step by step, bit for bit.
+TEST(Loopback, PressesOnStoneInTheForceLoop) {
+  const MotionText file(
+      "time,hand.x,hand.y,hand.z\n"
+      "0,0.001,0.002,0.125\n"
+      "0.2,0.001,0.002,0.125\n"
+      "1,0.001,0.002,0.105\n"
+      "5,0.001,0.002,0.105\n");
+  const auto device = open_device(file.device("loopback")), other = open_device(file.device("loopback"));
+  ForceLoop loop(pillar_model()), stepped(loop.model);
+  std::vector<double> felt;
+  felt.reserve(5000);
+  Swing force, height;
+  std::uint32_t status = 0;
+  LoopHooks hooks;
+  hooks.input = [&](std::uint64_t, const State&, Input& input) {
+    loop.lead(*device);
+    input = loop.input;
+    return true;
+  };
+  hooks.output = [&](std::uint64_t k, const Input&, const State& state) {
+    felt.push_back(loop.feel(*device).force.norm());
+    if (k > 3000) force.add(felt.back()), height.add(loop.sample.pose.translation.z());
+    status |= state.status;
+  };
+  LoopSettings settings;
+  settings.rate = 0, settings.ticks = 5000, settings.frame_rate = 300;
+  run_loop(loop.model, loop.state, settings, hooks);
+  EXPECT_EQ(status & ~not_converged, 0u);
+  EXPECT_GT(force.least, 1);
+  EXPECT_LT(force.size(), 1e-3);
+  EXPECT_LT(height.size(), 1e-6);
+  ASSERT_EQ(felt.size(), 5000u);
+  for (const double f : felt) ASSERT_EQ(stepped.tick(*other).force.norm(), f);
 }
 
 }  // namespace

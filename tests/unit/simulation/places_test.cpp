@@ -197,6 +197,23 @@ TEST_F(Places, ANeedlePushedSideways) {
   }
 }
 
+// From above the tissue into it in one tick, wholly, wherever it lies between the rows of nodes: each sample
+// of a triangle could come round it alone, but not the triangle.
+TEST_F(Places, AFastNeedleThatLies) {
+  take_needle();
+  const Eigen::Quaterniond lying(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitX()));
+  for (double x = 0; x < 3e-3; x += 0.31e-3) {
+    const auto put = [&](State& state, double z) {
+      step(model, state, at(Vec3(x, 0.7e-3, z + radius), lying));
+      return state.wrenches[0].force.z();
+    };
+    State slow = make_state(model), fast = make_state(model);
+    for (int k = 0; k <= 15; ++k) put(slow, -0.1e-3 * k);
+    put(fast, 3e-3);
+    EXPECT_NEAR(put(fast, -1.5e-3), slow.wrenches[0].force.z(), 0.03 * slow.wrenches[0].force.z()) << x;
+  }
+}
+
 // A blade of 1 mm, edge on, askew to the rows of nodes: with its thickness said it is felt along its edge.
 TEST_F(Places, ABladesEdge) {
   const Vec3 half(10e-3, 0.5e-3, 10e-3);
@@ -396,6 +413,40 @@ TEST_F(Places, BesideAnAnchor) {
       last = force;
     }
     EXPECT_EQ(last, 0);
+  }
+}
+
+// A short needle lies still in the crater of a ball, between two rows of nodes. The ball goes away in one
+// tick: the tissue springs back up to the needle, and bears it as if it had been pressed in there.
+TEST_F(Places, TissueThatSpringsBackMeetsANeedle) {
+  model.instruments = {{"ball", Sphere{10e-3}, {}, 0}, {"needle", Capsule{radius, 3e-3}, {}, 0}};
+  const Pose away{Eigen::Quaterniond::Identity(), Vec3(0, 0, 0.05)};
+  for (const double height : {-1.2e-3, -2e-3, -3e-3}) {
+    const Pose lying{Eigen::Quaterniond(Eigen::AngleAxisd(0.5 * M_PI, Vec3::UnitX())),
+                     Vec3(1.2e-3, 0.4e-3, height)};
+    State pressed = make_state(model), fresh = make_state(model), late = make_state(model);
+    const Surface rest = late.surface;
+    Input input;
+    input.instruments = {away, lying};
+    for (double z = 0; z >= height; z -= 0.1e-3)
+      input.instruments[1].translation.z() = z, step(model, pressed, input);
+    input.instruments[1] = lying, step(model, pressed, input);
+    const double force = pressed.wrenches[1].force.z();
+    EXPECT_GT(force, 0.02);
+    const auto both = [&] {
+      step(model, fresh, input);
+      tick(model, late, input, rest);
+      EXPECT_EQ(state_hash(fresh), state_hash(late));
+    };
+    input.instruments[1] = away;
+    for (int k = 0; k <= 14; ++k) input.instruments[0].translation = Vec3(0, 0, 10e-3 - 0.5e-3 * k), both();
+    input.instruments[1] = lying, both(), both();
+    EXPECT_EQ(fresh.wrenches[1].force, Vec3::Zero());
+    input.instruments[0] = away, both();
+    EXPECT_NEAR(fresh.wrenches[1].force.z(), force, 0.01 * force) << height;
+    both();
+    EXPECT_NEAR(fresh.wrenches[1].force.z(), force, 0.001 * force) << height;
+    EXPECT_EQ(fresh.status & ~strain_beyond_linear, 0u);
   }
 }
 
