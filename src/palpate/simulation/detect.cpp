@@ -282,28 +282,30 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
   const double near = reach + w.tolerance, swept = near + way_through(w, instrument);
-  look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept, drifted,
+  look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept, drifted + w.come_at_most,
             [&](Index node, double within) {
               if (points[node] >= 0) return;
               const auto softness = lipschitz * static_cast<double>(w.softness[at(node)]);
-              if (const double clear = clearance(w, instrument, node); clear > swept) {
-                if (clear <= swept + softness * w.come_at_most) add_near(w, node);
-                return;
-              }
               const Vec3& p = surface.positions[at(node)];
-              if (!shape.may_be_nearer(p, within)) return;
-              const double d = shape.distance(p);
-              remember(w, instrument, node, d - softness * drifted);
-              if (d >= within || !may_meet(w, surface, instrument, node, d, near, drifted)) return;
-              w.candidates.push_back(node);
+              double clear = clearance(w, instrument, node), d = clear;
+              if (clear <= swept) {
+                if (!shape.may_be_nearer(p, within)) return;
+                d = shape.distance(p), clear = d - softness * drifted;
+                remember(w, instrument, node, clear);
+              }
+              if (clear > swept + softness * w.come_at_most) return;
               add_near(w, node);
+              if (clear <= swept && may_meet(w, surface, instrument, node, d, near, drifted))
+                w.candidates.push_back(node);
             });
 }
 
 // Calls found(node, distance, u) for those of `candidates` that are nearer than `reach`, or passed through.
+// looked_at: where they were before tissue went on its way in this tick, so that its way is off the
+// clearance.
 template <class Found>
 void near_now(const Model& model, State& state, std::size_t instrument, std::span<const Index> candidates,
-              double reach, Found&& found) {
+              double reach, bool looked_at, Found&& found) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
   for (const Index node : candidates) {
@@ -311,8 +313,9 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const auto softness = static_cast<double>(w.softness[at(node)]);
     const double way = way_through(w, instrument, softness * w.come);
-    const double within = (way > 0 ? std::max(reach, 1.5 * way) : reach) + w.tolerance;
-    if (clearance(w, instrument, node) >= within) continue;
+    const double within = std::max(reach, 1.5 * way) + w.tolerance;
+    const double free = looked_at ? std::max(reach, 1.5 * way_through(w, instrument)) + w.tolerance : within;
+    if (clearance(w, instrument, node) >= free) continue;
     const Vec3 about = displacement_about(model, state, node);
     double d = shape.distance(model.organ.contact_points[at(node)] + about);
     remember(w, instrument, node, d);
@@ -325,6 +328,13 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
     if (d < reach) found(node, d, u);
   }
+}
+
+// Nodes that are nearer become points before the solve, m. What is farther hardly comes to touch in a tick;
+// where it does, add_swallowed() finds it, and the tick solves again.
+double reach_of(const StepScratch& w, std::size_t instrument) {
+  const Sweep& sweep = w.sweeps[instrument];
+  return sweep.known && sweep.epoch != 0 ? std::min(w.reach, 0.2 * w.reach + 1.2 * sweep.way) : w.reach;
 }
 
 // What the instruments hold: three points a node, before all others.
@@ -409,10 +419,11 @@ void detect(const Model& model, State& state, const Surface& surface) {
     add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
   const double drifted = w.drifted_before = drift(model, state, surface);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
-    find_candidates(model, state, surface, i, w.reach, drifted);
+    const double reach = reach_of(w, i);
+    find_candidates(model, state, surface, i, reach, drifted);
     find_faces(model, state, surface, i, drifted);
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
-    near_now(model, state, i, w.candidates, w.reach, [&](Index node, double, const Vec3& u) {
+    near_now(model, state, i, w.candidates, reach, false, [&](Index node, double, const Vec3& u) {
       if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });
   }
@@ -441,10 +452,9 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
-  const double drifted = drift(model, state, surface);
-  // Whether what is too far to be looked at again was too far for detect() too.
-  const bool all_near = model.settings.mode == Mode::unilateral && w.come <= w.come_at_most &&
-                        (drifted - w.drifted_before) * w.softest <= w.reach;
+  // Whether all that may have come near was near for detect().
+  const bool all_near = model.settings.mode == Mode::unilateral && w.come <= w.come_at_most;
+  const double drifted = all_near ? 0 : drift(model, state, surface);
   state.deepest_after = 0;
   for (const ContactPoint& c : w.points)
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
@@ -453,7 +463,7 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
       const double way = way_through(w, i, w.softest * w.come);
       find_candidates(model, state, surface, i, way > 0 ? 1.5 * way : -w.tolerance, drifted);
     }
-    near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance,
+    near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance, all_near,
              [&](Index node, double d, const Vec3& u) {
                state.deepest_after = std::max(state.deepest_after, -d);
                for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
