@@ -51,11 +51,12 @@ std::vector<Value> percentiles(int nodes, std::size_t contacts, double friction,
   for (const double p : {0.5, 0.99, 0.999})
     out.push_back(
         {1e3 * r.ticks.cpu.percentile(p), peer.peer, peer.peer_value,
-         fmt::format("{} ticks, {:.0f} contacts, mu {}, {} not converged, due to done {:.3g} ms, empty "
-                     "loop {:.3g} ms, {} missed ({})",
-                     r.ticks.cpu.count(), r.contacts_mean, friction, r.not_converged,
-                     1e3 * r.ticks.wall.percentile(p), 1e3 * r.idle.wall.percentile(p), r.ticks.missed,
-                     r.idle.missed)});
+         fmt::format(
+             "{} ticks, {:.0f} contacts, mu {}, {} not converged, worst {:.3g} ms, due to done {:.3g} "
+             "ms, worst {:.3g} (empty loop {:.3g}, {:.3g}), {} missed ({})",
+             r.ticks.cpu.count(), r.contacts_mean, friction, r.not_converged, 1e3 * r.ticks.cpu.worst(),
+             1e3 * r.ticks.wall.percentile(p), 1e3 * r.ticks.wall.worst(), 1e3 * r.idle.wall.percentile(p),
+             1e3 * r.idle.wall.worst(), r.ticks.missed, r.idle.missed)});
   return out;
 }
 
