@@ -27,6 +27,7 @@ constexpr double in_motion = 0.3, at_rest = 0.02;  // of the tolerance: so littl
 constexpr double left_over = 0.05;    // of what the gaps were off in a turn: so small, the next one does it
 constexpr int most_products = 12;     // of a step for friction
 constexpr double enough = 0.3;        // of its residual, by which it is reduced
+constexpr double stiffest = 1e-4;     // way of a step, of what each point alone would give: less is rounding
 constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
 constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
 constexpr double loose = 0.01;        // and of what the gaps are off before
@@ -151,15 +152,17 @@ void ContactSolver::descend(const ContactBlock& block, std::span<const ContactPo
     for (std::size_t i = 0; i < m; ++i)
       if (weight_[i] > 0) add_in_planes(block, points[i].slot, search_[i], tried_);
     block.add_product(tried_, product_of_);
-    double bent = 0;
+    double bent = 0, alone = 0;  // alone: were every point's compliance its own
     for (std::size_t i = 0; i < m; ++i) {
       if (weight_[i] == 0) continue;
       Vec3& moved = step_of_[i] = block.in_planes<float>(product_of_, points[i].slot);
       moved = slips_[i] ? Vec3(along_circle_[i].dot(moved) * along_circle_[i] + curve_[i] * search_[i])
                         : Vec3(moved - points[i].normal.dot(moved) * points[i].normal);
       bent += search_[i].dot(moved);
+      alone += search_[i].squaredNorm() / weight_[i];
     }
-    if (!(bent > 0)) return;
+    // Two instruments may pull a node both ways, which costs no work: along that way there is no end.
+    if (!(bent > stiffest * alone)) return;
     const double length = size / bent, before = size;
     add_share(block, length, product_of_, moved_);
     size = off = 0;

@@ -63,6 +63,7 @@ NormalCompliance::NormalCompliance(std::size_t most_plane, std::size_t points)
 void NormalCompliance::find_rows(const ContactBlock& block, std::span<const ContactPoint> points,
                                  double turned) noexcept {
   const std::size_t slots = block.used();
+  for (std::size_t k = slots; k < size_; ++k) compliance_row_[k] = -1;  // they miss what changes meanwhile
   size_ = slots;
   std::fill_n(taken_.begin(), slots, std::uint8_t{0});
   for (std::size_t k = 0; k < slots; ++k) {

@@ -208,8 +208,8 @@ void ContactSolver::relinearise(std::span<const PlacedShape> shapes, std::span<C
   for (std::size_t i = 0; i < points.size(); ++i) {
     ContactPoint& c = points[i];
     Gap g = reached_[i];
-    if (c.u == u_[i])
-      c.path = gone_[i];
+    if (c.u == u_[i])  // but where it is only foreseen to be it has not gone
+      c.path = measured || c.foreseen_u == Vec3::Zero() ? gone_[i] : c.path;
     else
       g = gap_of(shapes, c, c.u, &c.path);
     c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;

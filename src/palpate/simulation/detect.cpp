@@ -140,7 +140,8 @@ void hold(const Model& model, State& state) {
     else
       for (const Index node : model.organ.surface.triangles[at(c.triangle)])
         want(model.organ.row_of[at(node)]);
-  for (std::size_t i = 0; i < state.loads.count; ++i) want(state.loads.rows[i]);
+  for (const Loads* loads : {&state.loads, &w.before})  // these, too, as displacement_before() asks for them
+    for (std::size_t i = 0; i < loads->count; ++i) want(loads->rows[i]);
   for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
   w.block.require(w.compliance_of(model), w.wanted, w.places);
   spread(w, state.loads, w.loaded);
@@ -258,8 +259,11 @@ double travelled_by(const StepScratch& w, std::size_t instrument, Index node) {
   return lipschitz * (static_cast<double>(w.softness[at(node)]) * w.travelled + w.sweeps[instrument].gone);
 }
 
-// That the node is no nearer to the instrument now, under state.loads.
+// That the node is no nearer to the instrument now, under state.loads. What a narrow band says beyond itself
+// jumps.
 void remember(StepScratch& w, std::size_t instrument, Index node, double distance) {
+  const auto* band = std::get_if<std::shared_ptr<const BandLattice>>(w.shapes[instrument].shape);
+  if (band) distance = std::min(distance, (*band)->band());
   w.clear[instrument * w.softness.size() + at(node)] = {distance + travelled_by(w, instrument, node),
                                                         w.sweeps[instrument].epoch};
 }
@@ -288,14 +292,14 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
               const auto softness = lipschitz * static_cast<double>(w.softness[at(node)]);
               const Vec3& p = surface.positions[at(node)];
               double clear = clearance(w, instrument, node), d = clear;
-              if (clear <= swept) {
+              if (!(clear > swept)) {
                 if (!shape.may_be_nearer(p, within)) return;
                 d = shape.distance(p), clear = d - softness * drifted;
-                remember(w, instrument, node, clear);
+                if (surface.loads.u_known) remember(w, instrument, node, clear);
               }
               if (clear > swept + softness * w.come_at_most) return;
               add_near(w, node);
-              if (clear <= swept && may_meet(w, surface, instrument, node, d, near, drifted))
+              if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near, drifted))
                 w.candidates.push_back(node);
             });
 }
@@ -463,14 +467,14 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
       const double way = way_through(w, i, w.softest * w.come);
       find_candidates(model, state, surface, i, way > 0 ? 1.5 * way : -w.tolerance, drifted);
     }
-    near_now(model, state, i, all_near ? w.near : w.candidates, -w.tolerance, all_near,
-             [&](Index node, double d, const Vec3& u) {
-               state.deepest_after = std::max(state.deepest_after, -d);
-               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-                 if (w.point_of[other * s + at(node)] >= 0) return;
-               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
-                 state.status |= too_many_contacts;
-             });
+    std::vector<Index>& nodes = all_near ? w.near : w.candidates;
+    if (!has_room(w, nodes.size())) std::sort(nodes.begin(), nodes.end());  // who gets the last
+    near_now(model, state, i, nodes, -w.tolerance, all_near, [&](Index node, double d, const Vec3& u) {
+      state.deepest_after = std::max(state.deepest_after, -d);
+      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+        if (w.point_of[other * s + at(node)] >= 0) return;
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
+    });
   }
   // The order of the points decides bits; that of what is near depends on the surface's age.
   const auto added = w.points.begin() + static_cast<std::ptrdiff_t>(before);

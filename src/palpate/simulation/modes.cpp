@@ -73,6 +73,7 @@ void imprint(const Model& model, State& state) {
                  state.contacts.push_back(c);
                });
   surface.bounds.update(*surface.clusters, surface.positions);
+  surface.loads.u_known = false;  // it is not what they do
 }
 
 }  // namespace palpate

@@ -168,6 +168,9 @@ void travel(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
   const double come = w.before.u_known ? drift(model, state, w.before) : std::sqrt(state.loads.work());
   w.travelled += come + std::exchange(w.come, come);
+  if (std::isfinite(w.travelled)) return;  // else no distance that was remembered holds
+  w.travelled = w.come = 0;
+  for (Sweep& sweep : w.sweeps) sweep.epoch += sweep.epoch != 0;
 }
 
 constexpr int most_rounds = 20;
@@ -256,7 +259,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   std::transform(input.instruments.begin(), input.instruments.end(), state.instruments.begin(), normalized);
   place(model, state, input);
   forget_near(*state.scratch);
-  if (!state.loads.u_known) state.loads.count = 0;  // another mode's
+  if (!state.loads.u_known) state.loads.count = 0, ++state.loads.number;  // another mode's
   switch (model.settings.mode) {
     case Mode::unilateral:
     case Mode::prescribed: {
