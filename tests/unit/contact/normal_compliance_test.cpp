@@ -79,6 +79,37 @@ TEST(NormalCompliance, IsKeptRightWhateverCameBefore) {
   EXPECT_GT(changed, 200u);
 }
 
+// The last slots go, and come back with the node they had while others have changed.
+TEST(NormalCompliance, RowsThatComeBackKnowWhatChanged) {
+  std::mt19937 random(6);
+  const Compliance c = some_compliance(random);
+  ContactBlock block(rows, 0, rows);
+  NormalCompliance kept(block.most_plane(), rows);
+  std::vector<Vec3> normal(rows);
+  for (Vec3& n : normal) n = Vec3::Random().normalized();
+  std::vector<Index> wanted;
+  for (int tick = 0; tick < 1000; ++tick) {
+    for (int k = 0; k < 3; ++k) {
+      const auto row = static_cast<Index>(random() % rows);
+      if (std::erase(wanted, row) == 0 && wanted.size() < rows / 2) wanted.push_back(row);
+    }
+    if (tick % 50 == 49) wanted.resize(std::min<std::size_t>(wanted.size(), 4));
+    block.require(c, wanted);
+    std::vector<ContactPoint> points(wanted.size());
+    for (std::size_t k = 0; k < wanted.size(); ++k)
+      points[k].row = wanted[k], points[k].slot = block.slot_of(wanted[k]),
+      points[k].normal = normal[static_cast<std::size_t>(wanted[k])];
+    kept.update(block, points, 1e-4);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      for (std::size_t j = 0; j < i; ++j) {
+        const double exact =
+            kept.scale(i) * kept.scale(j) *
+            points[i].normal.dot(block.between(points[i].slot, points[j].slot) * points[j].normal);
+        ASSERT_NEAR(static_cast<double>(kept.between(i, j)), exact, 1e-5) << tick;
+      }
+  }
+}
+
 TEST(NormalCompliance, RowsStayWhileNormalsHardlyTurn) {
   std::mt19937 random(6);
   const Compliance c = some_compliance(random);

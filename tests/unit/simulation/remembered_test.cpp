@@ -1,0 +1,96 @@
+// How far a node was from an instrument is remembered from tick to tick: nothing may come near unseen.
+#include <fmt/core.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <random>
+
+#include "fixtures.hpp"
+
+namespace palpate {
+namespace {
+
+// Two instruments that press, roll and cross each other, the second a ball; `seed` says how.
+class Crossing {
+ public:
+  explicit Crossing(unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> share(-1, 1);
+    for (double& x : f_) x = share(random);
+  }
+  Input at(int k) const {
+    const double t = 0.03 * k * (1 + 0.8 * f_[0]);
+    const Eigen::Quaterniond turn =
+        Eigen::AngleAxisd(f_[2] * t, Vec3::UnitY()) *
+        Eigen::Quaterniond(Eigen::AngleAxisd(1.5 * f_[1] + 0.5 * std::sin(t * 2), Vec3::UnitX()));
+    const Vec3 first(0.02 * std::sin(t + f_[3] * 6), 0.03 * f_[4] + 0.015 * std::sin(1.7 * t),
+                     0.113 + 0.015 * std::cos(2.3 * t + f_[5]) - 0.008 * std::min(1.0, 0.05 * k));
+    const Vec3 second(0.03 * f_[6], 0.02 * std::sin(t * 1.3), 0.116 + 0.008 * std::cos(3 * t));
+    return {0, {}, {Pose{turn, first}, Pose{Eigen::Quaterniond::Identity(), second}}};
+  }
+
+ private:
+  double f_[8];
+};
+
+// Of all nodes that can move, where the loads bring them, from the instruments: the least, m.
+double least_distance(const Model& model, const State& state, const Input& input, Deformer& deformer,
+                      Surface& surface) {
+  deformer(model.organ, state.loads, surface);
+  double least = 1;
+  for (std::size_t i = 0; i < model.instruments.size(); ++i) {
+    const PlacedShape shape(model.instruments[i].shape, input.instruments[i]);
+    for (const Index node : model.organ.node_of_row)
+      least = std::min(least, shape.distance(surface.positions[static_cast<std::size_t>(node)]));
+  }
+  return least;
+}
+
+// With friction and two balls a node is squeezed between both, which pull it both ways (seed 1, tick 88); a
+// narrow band's distances jump (seed 4).
+TEST(Remembered, WhatTwoInstrumentsReachIsSeenHoweverOldTheSurface) {
+  const TriangleMesh bar = make_box({Vec3(-0.02, -0.004, -0.003), Vec3(0.02, 0.004, 0.003)});
+  const auto narrow = std::make_shared<const BandLattice>(sample_band(
+      SignedDistanceField(bar), make_grid_spaced(bounding_box(bar.vertices), 0.8e-3, 6.4e-3), 0.8e-3));
+  for (const unsigned seed : {1u, 4u}) {
+    SCOPED_TRACE(fmt::format("seed {}", seed));
+    Model model = block_model(8, seed == 1 ? Shape(Sphere{0.015}) : Shape(narrow));
+    model.instruments.push_back({"ball", Sphere{0.012}, {}});
+    model.settings.friction = seed == 1 ? 0.4 : 0;
+    const Crossing crossing(seed);
+    State state = make_state(model), late = make_state(model);
+    Surface old = late.surface, now = old;
+    Deformer deformer(model.organ);
+    std::size_t touched = 0;
+    for (int k = 0; k < 120; ++k) {
+      const Input input = crossing.at(k);
+      step(model, state, input);
+      tick(model, late, input, old);
+      if (k % 2 == 0) deformer(model.organ, late.loads, old);
+      for (std::size_t i = 0; i < 2; ++i)
+        ASSERT_EQ(std::memcmp(&state.wrenches[i], &late.wrenches[i], sizeof(Wrench)), 0) << k;
+      touched += state.contacts.size();
+      // Beyond the band a distance says little of how near what is seen is.
+      if (!(state.status & not_converged)) {
+        ASSERT_GT(least_distance(model, state, input, deformer, now), -1e-6) << k;
+      }
+    }
+    EXPECT_GT(touched, 200u);
+  }
+}
+
+// A dented surface is not where the loads bring it.
+TEST(Remembered, AnInstrumentThatStandsInADentOfItsOwnIsFelt) {
+  Model model = block_model(8, lattice_of(make_sphere(Vec3::Zero(), 0.02, 48, 96), 0.0025), Mode::imprint);
+  State state = make_state(model);
+  const auto deep = [](double depth) { return at(Vec3(0, 0, 0.12 - depth)); };
+  for (int k = 1; k <= 10; ++k) step(model, state, deep(0.6e-3 * k));
+  for (int k = 0; k < 3; ++k) step(model, state, deep(3e-3));
+  model.settings.mode = Mode::unilateral;
+  for (int k = 0; k < 5; ++k) step(model, state, deep(3e-3));
+  EXPECT_GT(state.wrenches[0].force.z(), 0.1);
+  EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+}
+
+}  // namespace
+}  // namespace palpate
