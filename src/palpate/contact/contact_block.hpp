@@ -44,7 +44,7 @@ class ContactBlock {
     const Scalar* x = u.data() + slot;
     return Eigen::Matrix<Scalar, 3, 1>(x[0], x[plane_], x[2 * plane_]).template cast<double>();
   }
-  // C between two slots, the second loadable, m/N.
+  // C between two loadable slots, m/N.
   Mat3 between(Index i, Index j) const noexcept;
   // Forces on some slots, none of them combined, into planes; zero elsewhere.
   void spread(std::span<const Index> loaded, std::span<const Vec3> forces,
@@ -72,7 +72,7 @@ class ContactBlock {
     return static_cast<std::size_t>(slot) < used_ ? row_of_slot_[static_cast<std::size_t>(slot)] : -1;
   }
   std::size_t capacity() const noexcept { return capacity_; }
-  // How often loadable slots have changed places or gone.
+  // How often loadable slots have changed places.
   std::uint64_t moves() const noexcept { return moves_; }
   // Loadable slots in use: the first ones.
   std::size_t used() const noexcept { return used_ + combined_; }
@@ -81,9 +81,6 @@ class ContactBlock {
 
  private:
   std::size_t nodes_width() const noexcept { return (used_ + 7) / 8 * 8; }
-  std::span<Index> rows_of(std::size_t first, std::size_t count) noexcept {
-    return {row_of_slot_.data() + first, count};
-  }
   float* values_of(std::size_t slot, std::size_t a) noexcept {
     return values_.data() + (3 * slot + a) * 3 * plane_;
   }
