@@ -281,20 +281,25 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
   }
   const auto slot = static_cast<std::size_t>(own);
   std::uint64_t& known = known_[slot - first_watched_];
-  const bool all = is_new || fills_ - known > remembered;
-  std::size_t n = all ? used_ : 0;
-  for (; !all && known < fills_; ++known)
-    if (const Index filled = filled_[known % remembered]; static_cast<std::size_t>(filled) < used_)
-      added_[n] = filled, rows_[n++] = row_of_slot_[static_cast<std::size_t>(filled)];
+  std::size_t n = 0;
+  const auto miss = [&](std::size_t loadable) {
+    added_[n] = static_cast<Index>(loadable), rows_[n++] = row_of_slot_[loadable];
+  };
+  if (is_new || fills_ - known > remembered)
+    for (std::size_t k = 0; k < used_; ++k) miss(k);
+  else
+    for (; known < fills_; ++known)
+      if (const auto filled = static_cast<std::size_t>(filled_[known % remembered]); filled < used_)
+        miss(filled);
   known = fills_;
   if (n == 0) return own;
   const std::size_t ld = 3 * n;
-  compliance.block({&watched, 1}, {all ? row_of_slot_.data() : rows_.data(), n}, {fetched_.data(), 3 * ld},
-                   ld);
+  compliance.block({&watched, 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
+  float* const row = watched_row(slot);
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t b = 0; b < 3; ++b)
-        watched_row(slot)[(3 * a + b) * first_watched_ + (all ? j : static_cast<std::size_t>(added_[j]))] =
+        row[(3 * a + b) * first_watched_ + static_cast<std::size_t>(added_[j])] =
             fetched_[a * ld + 3 * j + b];
   return own;
 }

@@ -4,17 +4,14 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 
 namespace palpate {
 namespace {
 
 constexpr std::size_t lanes = 8;
 using Lanes [[gnu::vector_size(32)]] = float;
-using Mask [[gnu::vector_size(32)]] = std::int32_t;
 // The same anywhere in memory.
 using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = float;
-using LooseMask [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = std::int32_t;
 
 inline const LooseLanes& at(const float* p) noexcept { return *reinterpret_cast<const LooseLanes*>(p); }
 inline LooseLanes& at(float* p) noexcept { return *reinterpret_cast<LooseLanes*>(p); }

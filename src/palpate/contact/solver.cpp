@@ -208,10 +208,10 @@ void ContactSolver::relinearise(std::span<const PlacedShape> shapes, std::span<C
   for (std::size_t i = 0; i < points.size(); ++i) {
     ContactPoint& c = points[i];
     Gap g = reached_[i];
-    if (c.u == u_[i])  // but where it is only foreseen to be it has not gone
-      c.path = measured || c.foreseen_u == Vec3::Zero() ? gone_[i] : c.path;
-    else
+    if (c.u != u_[i])
       g = gap_of(shapes, c, c.u, &c.path);
+    else if (measured || c.foreseen_u == Vec3::Zero())  // where it is only foreseen to be it has not gone
+      c.path = gone_[i];
     c.gap = g.distance, c.normal = g.normal, c.slope = g.slope;
   }
 }

@@ -202,12 +202,10 @@ const Vec3& displacement(const Model& model, State& state, Index node) {
 Vec3 displacement_about(const Model& model, State& state, Index node) {
   StepScratch& w = *state.scratch;
   const Index row = model.organ.row_of[at(node)];
-  Index slot = w.block.slot_of(row);
   if (w.u_number[at(node)] == w.stamp(state.loads.number) || w.compliance_of(model).mirrors_bits() ||
-      w.block.is_loadable(slot) || !w.loaded.loadable)
+      w.block.is_loadable(w.block.slot_of(row)) || !w.loaded.loadable)
     return displacement(model, state, node);
-  slot = w.block.watch(w.compliance_of(model), row);
-  return w.block.displacement(slot, w.loaded.planes);
+  return w.block.displacement(w.block.watch(w.compliance_of(model), row), w.loaded.planes);
 }
 
 Vec3 displacement_before(const Model& model, State& state, Index node) {
@@ -312,14 +310,14 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
               double reach, bool looked_at, Found&& found) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
+  const double swept = std::max(reach, 1.5 * way_through(w, instrument)) + w.tolerance;
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const auto softness = static_cast<double>(w.softness[at(node)]);
     const double way = way_through(w, instrument, softness * w.come);
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
-    const double free = looked_at ? std::max(reach, 1.5 * way_through(w, instrument)) + w.tolerance : within;
-    if (clearance(w, instrument, node) >= free) continue;
+    if (clearance(w, instrument, node) >= (looked_at ? swept : within)) continue;
     const Vec3 about = displacement_about(model, state, node);
     double d = shape.distance(model.organ.contact_points[at(node)] + about);
     remember(w, instrument, node, d);

@@ -210,7 +210,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
 }
 
 // Contacts in the world, and what the instruments feel.
-void report(State& state, const Input& input) {
+void report(State& state) {
   StepScratch& w = *state.scratch;
   state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear();
@@ -234,7 +234,7 @@ void report(State& state, const Input& input) {
     state.contacts.push_back(c);
     state.deepest_before = std::max(state.deepest_before, -c.gap_before);
     Wrench& wrench = state.wrenches[at(p.instrument)];
-    const Vec3 arm = c.point - input.instruments[at(p.instrument)].translation;
+    const Vec3 arm = c.point - state.instruments[at(p.instrument)].translation;
     wrench.force -= c.force;
     wrench.torque -= arm.cross(c.force);
     state.deepest_after = std::max(state.deepest_after, -c.gap_after);
@@ -271,7 +271,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
       state.times.detect = timer.seconds();
       timer = wall_timer();
       solve(model, state, surface);
-      report(state, input);
+      report(state);
       if (model.settings.mode == Mode::unilateral) grasp(model, state, input);
       state.times.solve = timer.seconds();
       break;
