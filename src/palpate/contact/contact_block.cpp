@@ -143,8 +143,7 @@ Vec3 ContactBlock::displacement(Index slot, std::span<const float> forces) const
   if (is_loadable(slot))
     dot_rows(row(slot, 0), plane_, nodes_width(), forces.data(), plane_, u);
   else
-    dot_rows(watched_values_.data() + 9 * (s - first_watched_) * first_watched_, first_watched_,
-             nodes_width(), forces.data(), plane_, u);
+    dot_rows(watched_values_.data() + watched_at(s), first_watched_, nodes_width(), forces.data(), plane_, u);
   return Vec3f(u[0], u[1], u[2]).cast<double>();
 }
 
@@ -295,7 +294,7 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
   if (n == 0) return own;
   const std::size_t ld = 3 * n;
   compliance.block({&watched, 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
-  float* const row = watched_row(slot);
+  float* const row = watched_values_.data() + watched_at(slot);
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t b = 0; b < 3; ++b)

@@ -84,8 +84,9 @@ class ContactBlock {
   float* values_of(std::size_t slot, std::size_t a) noexcept {
     return values_.data() + (3 * slot + a) * 3 * plane_;
   }
-  float* watched_row(std::size_t slot) noexcept {
-    return watched_values_.data() + 9 * (slot - first_watched_) * first_watched_;
+  // Where a watched slot's row begins.
+  std::size_t watched_at(std::size_t slot) const noexcept {
+    return 9 * (slot - first_watched_) * first_watched_;
   }
   Index slot_for(std::size_t allowed) noexcept;
   void fill(std::size_t slot, Index row) noexcept;

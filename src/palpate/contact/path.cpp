@@ -12,8 +12,6 @@ constexpr double touching = 1e-3;  // as near as this is on the surface
 constexpr double stride = 0.5;     // least step along a way: shorter than the thinnest part
 constexpr double lift = 0.25;      // of a proxy off the surface while it moves along it
 constexpr int most_strides = 400, most_slides = 30;
-// The distance grows along a way by no more than its length; an interpolated one by hardly more.
-constexpr double lipschitz = 1.05;
 
 struct Meeting {
   Vec3 at = Vec3::Zero();

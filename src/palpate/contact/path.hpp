@@ -18,6 +18,9 @@ struct Path {
   bool known = false;          // otherwise the gap is that of the place alone
 };
 
+// The distance grows along a way by no more than its length; an interpolated one by hardly more.
+constexpr double lipschitz = 1.05;
+
 // To be outside, `from` may lie in the solid by this share of finest(shape): what a tick that did not
 // converge leaves.
 constexpr double hardly_inside = 0.25;

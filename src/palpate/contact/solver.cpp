@@ -164,19 +164,19 @@ ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<
   return s;
 }
 
-// reached_ and gone_ of the points displaced by u; trial_ for work space.
-void ContactSolver::find_gaps(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
-                              std::span<const Vec3> u) noexcept {
+// reached_ and gone_ of the points at u_; trial_ for work space.
+void ContactSolver::find_gaps(std::span<const PlacedShape> shapes,
+                              std::span<const ContactPoint> points) noexcept {
   for (std::size_t first = 0, end = 0; first < points.size(); first = end) {
     const ContactPoint& c = points[first];
     for (; end < points.size() && points[end].instrument == c.instrument; ++end)
-      trial_[end] = shapes[static_cast<std::size_t>(c.instrument)].own(points[end].rest + u[end]);
+      trial_[end] = shapes[static_cast<std::size_t>(c.instrument)].own(points[end].rest + u_[end]);
     const PlacedShape& shape = shapes[static_cast<std::size_t>(c.instrument)];
     gaps(*shape.shape, std::span(trial_).subspan(first, end - first), std::span(reached_).subspan(first));
     for (std::size_t i = first; i < end; ++i) {
       gone_[i] = points[i].path;
       reached_[i] = points[i].grasped || points[i].triangle >= 0
-                        ? gap_of(shapes, points[i], u[i])
+                        ? gap_of(shapes, points[i], u_[i])
                         : gap_by_path(shape, points[i].path, trial_[i], reached_[i], &gone_[i]);
     }
   }
@@ -185,7 +185,7 @@ void ContactSolver::find_gaps(std::span<const PlacedShape> shapes, std::span<con
 // How far u_ and pressure_ are from the law.
 void ContactSolver::measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
                             Step& s) noexcept {
-  find_gaps(shapes, points, u_);
+  find_gaps(shapes, points);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const ContactPoint& c = points[i];
     const Gap& g = reached_[i];
@@ -203,7 +203,7 @@ void ContactSolver::relinearise(std::span<const PlacedShape> shapes, std::span<C
                                 bool measured) noexcept {
   if (!measured) {
     for (std::size_t i = 0; i < points.size(); ++i) u_[i] = points[i].u;
-    find_gaps(shapes, points, u_);
+    find_gaps(shapes, points);
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
     ContactPoint& c = points[i];

@@ -115,8 +115,7 @@ class ContactSolver {
                std::span<const ContactPoint> points, double tolerance) noexcept;
   bool find_pressures(std::span<const ContactPoint> points, double tolerance) noexcept;
   bool pivot(std::span<const ContactPoint> points) noexcept;
-  void find_gaps(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points,
-                 std::span<const Vec3> u) noexcept;
+  void find_gaps(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points) noexcept;
   void measure(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points, Step& s) noexcept;
   void relinearise(std::span<const PlacedShape> shapes, std::span<ContactPoint> points,
                    bool measured) noexcept;

@@ -19,8 +19,6 @@ namespace {
 
 // Of the last tick's motion: farther on nothing is foreseen, nor when it turns back.
 constexpr double most_ahead = 1.2;
-// A distance changes by no more than the way; an interpolated one by hardly more.
-constexpr double lipschitz = 1.05;
 
 // Corners of the shape's box; of one without an end a cube of 10 cm.
 std::array<Vec3, 8> corners_of(const Shape& shape) {
@@ -35,16 +33,16 @@ std::array<Vec3, 8> corners_of(const Shape& shape) {
 
 }  // namespace
 
-void place(const Model& model, State& state, const Input& input) {
+void place(const Model& model, State& state) {
   StepScratch& w = *state.scratch;
-  const Pose to_organ = normalized(input.organ).inverse();
+  const Pose to_organ = state.organ.inverse();
   const bool has_last = state.placed.size() == model.instruments.size() && state.loads.u_known &&
                         model.settings.mode == Mode::unilateral;
   w.shapes.clear();
   double along = 0, last_squared = 0;  // of the instruments that touched, m2
   for (std::size_t i = 0; i < model.instruments.size(); ++i) {
     const Shape& shape = model.instruments[i].shape;
-    w.shapes.emplace_back(shape, to_organ * normalized(input.instruments[i]));
+    w.shapes.emplace_back(shape, to_organ * state.instruments[i]);
     const Sweep last = std::exchange(w.sweeps[i], Sweep());
     const std::array<Vec3, 8> own = corners_of(shape);
     Sweep& sweep = w.sweeps[i];

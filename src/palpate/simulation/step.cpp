@@ -257,7 +257,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   state.deepest_before = state.deepest_after = 0;
   state.organ = normalized(input.organ);
   std::transform(input.instruments.begin(), input.instruments.end(), state.instruments.begin(), normalized);
-  place(model, state, input);
+  place(model, state);
   forget_near(*state.scratch);
   if (!state.loads.u_known) state.loads.count = 0, ++state.loads.number;  // another mode's
   switch (model.settings.mode) {

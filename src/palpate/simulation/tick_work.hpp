@@ -138,8 +138,8 @@ inline Pose normalized(Pose p) {
 
 // detect.cpp
 
-// Puts the instruments where the input says, and remembers how they came there.
-void place(const Model& model, State& state, const Input& input);
+// Puts the instruments where the outcome says, and remembers how they came there.
+void place(const Model& model, State& state);
 // Gives slots in the contact block to the points and the loads.
 void hold(const Model& model, State& state);
 // The loads as the block takes them now.
