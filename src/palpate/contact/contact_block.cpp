@@ -88,12 +88,22 @@ PALPATE_CLONES void dot_rows(const float* rows, std::size_t ld, std::size_t slot
   for (std::size_t a = 0; a < 3; ++a) u[a] = total(sum[a]);
 }
 
+// So many numbers of each row to where it begins when rows stand otherwise apart. They stand close, so that
+// what a product reads is one stream.
+void move_rows(float* values, std::size_t apart, std::size_t then, std::size_t rows, std::size_t n) noexcept {
+  const auto move = [&](std::size_t r) {
+    std::memmove(values + r * then, values + r * apart, n * sizeof(float));
+  };
+  if (then > apart)
+    for (std::size_t r = rows; r-- > 0;) move(r);
+  else
+    for (std::size_t r = 0; r < rows; ++r) move(r);
+}
+
 // Rows of new slots are fetched so many at a time.
 constexpr std::size_t at_once = 32;
 
 constexpr std::size_t least_plane = 64;
-// Fills that watched rows catch up with one by one; of more, all is fetched anew.
-constexpr std::size_t remembered = 64;
 // Slots that a call moves at most to close gaps: what that costs is spread over calls.
 constexpr int most_moves = 2;
 
@@ -106,14 +116,14 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_
       plane_(std::min(first_watched_, least_plane)),
       values_(9 * first_watched_ * first_watched_),
       watched_values_(9 * watched * first_watched_),
-      fetched_(9 * std::max(at_once * capacity, remembered)),
+      fetched_(9 * at_once * capacity),
       slot_of_row_(rows, -1),
       row_of_slot_(first_watched_ + watched, -1),
       wanted_(first_watched_, 0),
-      filled_(remembered),
-      known_(watched, 0),
-      added_(std::max(capacity, remembered)),
-      rows_(std::max(capacity, remembered)) {
+      filled_(first_watched_, 0),
+      known_(watched),
+      added_(capacity),
+      rows_(std::max(capacity, at_once)) {
   std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
   std::fill_n(watched_values_.data(), watched_values_.size(), 0.0f);
 }
@@ -143,7 +153,8 @@ Vec3 ContactBlock::displacement(Index slot, std::span<const float> forces) const
   if (is_loadable(slot))
     dot_rows(row(slot, 0), plane_, nodes_width(), forces.data(), plane_, u);
   else
-    dot_rows(watched_values_.data() + watched_at(s), first_watched_, nodes_width(), forces.data(), plane_, u);
+    dot_rows(watched_values_.data() + watched_at(s), known_[s - first_watched_].plane, nodes_width(),
+             forces.data(), plane_, u);
   return Vec3f(u[0], u[1], u[2]).cast<double>();
 }
 
@@ -190,15 +201,8 @@ void ContactBlock::add_product(std::span<const float> f, std::span<float> u) con
   multiply(values_.data(), plane_, used(), f.data(), u.data());
 }
 
-// Rows stand close, so that what a product reads is one stream.
 void ContactBlock::widen(std::size_t plane) noexcept {
-  const auto move = [&](std::size_t r) {
-    std::memmove(values_.data() + r * plane, values_.data() + r * plane_, used_ * sizeof(float));
-  };
-  if (plane > plane_)
-    for (std::size_t r = 9 * used_; r-- > 0;) move(r);
-  else
-    for (std::size_t r = 0; r < 9 * used_; ++r) move(r);
+  move_rows(values_.data(), plane_, plane, 9 * used_, used_);
   plane_ = plane;
 }
 
@@ -206,7 +210,7 @@ void ContactBlock::widen(std::size_t plane) noexcept {
 void ContactBlock::fill(std::size_t slot, Index row) noexcept {
   row_of_slot_[slot] = row;
   slot_of_row_[static_cast<std::size_t>(row)] = static_cast<Index>(slot);
-  filled_[fills_++ % remembered] = static_cast<Index>(slot);
+  filled_[slot] = ++fills_;
 }
 
 // A loadable slot's row and column.
@@ -279,27 +283,24 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
       slot_of_row_[static_cast<std::size_t>(before)] = -1;
   }
   const auto slot = static_cast<std::size_t>(own);
-  std::uint64_t& known = known_[slot - first_watched_];
+  float* const row = watched_values_.data() + watched_at(slot);
+  Known& known = known_[slot - first_watched_];
+  if (is_new) known = {0, plane_};
+  if (known.plane != plane_) {
+    move_rows(row, known.plane, plane_, 9, std::min({known.plane, plane_, used_}));
+    known.plane = plane_;
+  }
   std::size_t n = 0;
-  const auto miss = [&](std::size_t loadable) {
-    added_[n] = static_cast<Index>(loadable), rows_[n++] = row_of_slot_[loadable];
-  };
-  if (is_new || fills_ - known > remembered)
-    for (std::size_t k = 0; k < used_; ++k) miss(k);
-  else
-    for (; known < fills_; ++known)
-      if (const auto filled = static_cast<std::size_t>(filled_[known % remembered]); filled < used_)
-        miss(filled);
-  known = fills_;
+  for (std::size_t k = 0; known.fills != fills_ && k < used_; ++k)
+    if (filled_[k] > known.fills) added_[n] = static_cast<Index>(k), rows_[n++] = row_of_slot_[k];
+  known.fills = fills_;
   if (n == 0) return own;
   const std::size_t ld = 3 * n;
   compliance.block({&watched, 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
-  float* const row = watched_values_.data() + watched_at(slot);
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t b = 0; b < 3; ++b)
-        row[(3 * a + b) * first_watched_ + static_cast<std::size_t>(added_[j])] =
-            fetched_[a * ld + 3 * j + b];
+        row[(3 * a + b) * plane_ + static_cast<std::size_t>(added_[j])] = fetched_[a * ld + 3 * j + b];
   return own;
 }
 

@@ -99,14 +99,18 @@ class ContactBlock {
   std::size_t used_ = 0, combined_ = 0, watched_ = 0, oldest_ = 0;
   std::uint64_t moves_ = 0, calls_ = 0, fills_ = 0;
   HugeArray<float> values_;            // of loadable slots: 3 rows of 3 planes a slot, m/N
-  HugeArray<float> watched_values_;    // of watched ones, whose planes are as long as they will ever be
+  HugeArray<float> watched_values_;    // of watched ones, so far apart that the longest planes have room
   std::vector<float> fetched_;         // rows as a compliance gives them
   std::vector<Index> slot_of_row_;     // slot of each compliance row, -1: not cached
   std::vector<Index> row_of_slot_;     // its inverse
   std::vector<std::uint64_t> wanted_;  // of each loadable slot: the last call that wanted it
-  std::vector<Index> filled_;         // loadable slots that got another row, in turn: the last ones of fills_
-  std::vector<std::uint64_t> known_;  // of each watched slot: the fills that its row knows
-  std::vector<Index> added_, rows_;   // work space
+  std::vector<std::uint64_t> filled_;  // of each loadable slot: which of the fills put its row there
+  struct Known {
+    std::uint64_t fills = 0;  // that its row knows
+    std::size_t plane = 0;    // how long its planes are
+  };
+  std::vector<Known> known_;         // of each watched slot
+  std::vector<Index> added_, rows_;  // work space
 };
 
 }  // namespace palpate
