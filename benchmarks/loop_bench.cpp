@@ -29,7 +29,7 @@ double depth_of(const scenes::Press& press, State& state, std::size_t contacts) 
 LoopReport slide(const scenes::Press& press, std::size_t contacts, std::uint64_t ticks, double frame_rate,
                  double& depth) {
   State state = make_state(press.model);
-  depth = depth_of(press, state, contacts + contacts / 10);
+  depth = depth_of(press, state, contacts + contacts / 30);  // some come and go
   LoopSettings settings;
   settings.ticks = ticks, settings.frame_rate = frame_rate,
   settings.idle_ticks = std::min<std::uint64_t>(ticks, 10000);

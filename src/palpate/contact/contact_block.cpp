@@ -34,58 +34,35 @@ PALPATE_CLONES void add(const Triple* t, std::size_t ld, std::size_t n, double* 
         (((cx[i] * c.x + cy[i] * c.y) + cz[i] * c.z) + ((dx[i] * d.x + dy[i] * d.y) + dz[i] * d.z)));
 }
 
-// Eight slots at a time: C against the slots before these, both ways, their u by its force, and what theirs
-// do to it; among the eight one way, as all of it is there. Two of them together, for what the registers
-// hold.
-PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t slots, const float* f,
-                             float* u) noexcept {
-  for (std::size_t first = 0; first < slots; first += lanes) {
-    Lanes sums[3][lanes];
-    for (std::size_t l = 0; l < lanes; l += 2) {
-      const std::size_t i = first + l;
-      const float *p = values + 9 * plane * i, *q = p + 9 * plane;
-      const float px = f[i], py = f[plane + i], pz = f[2 * plane + i];
-      const float qx = f[i + 1], qy = f[plane + i + 1], qz = f[2 * plane + i + 1];
-      Lanes p0 = {}, p1 = {}, p2 = {}, q0 = {}, q1 = {}, q2 = {};
-      for (std::size_t b = 0; b < 3; ++b, p += plane, q += plane) {
-        const float *p_y = p + 3 * plane, *p_z = p_y + 3 * plane, *q_y = q + 3 * plane,
-                    *q_z = q_y + 3 * plane;
-        const float* fb = f + b * plane;
-        float* ub = u + b * plane;
-        for (std::size_t k = 0; k < first; k += lanes) {
-          const Lanes force = at(fb + k), x = at(p + k), y = at(p_y + k), z = at(p_z + k);
-          p0 += x * force, p1 += y * force, p2 += z * force;
-          Lanes moved = (x * px + y * py) + z * pz;
-          const Lanes qc = at(q + k), qd = at(q_y + k), qe = at(q_z + k);
-          q0 += qc * force, q1 += qd * force, q2 += qe * force;
-          moved += (qc * qx + qd * qy) + qe * qz;
-          at(ub + k) += moved;
-        }
-        const Lanes force = at(fb + first);
-        p0 += at(p + first) * force, p1 += at(p_y + first) * force, p2 += at(p_z + first) * force;
-        q0 += at(q + first) * force, q1 += at(q_y + first) * force, q2 += at(q_z + first) * force;
-      }
-      sums[0][l] = p0, sums[1][l] = p1, sums[2][l] = p2;
-      sums[0][l + 1] = q0, sums[1][l + 1] = q1, sums[2][l + 1] = q2;
-    }
-    for (std::size_t a = 0; a < 3; ++a) add_totals(sums[a], at(u + a * plane + first));
-  }
-}
-
 // Three rows of C times forces, in whole lanes.
 PALPATE_CLONES void dot_rows(const float* rows, std::size_t ld, std::size_t slots, const float* f,
                              std::size_t plane, float* u) noexcept {
-  Lanes sum[3] = {};
+  Lanes sx = {}, sy = {}, sz = {};
   for (std::size_t b = 0; b < 3; ++b) {
     const float *x = rows + b * ld, *y = x + 3 * ld, *z = y + 3 * ld, *fb = f + b * plane;
     for (std::size_t k = 0; k < slots; k += lanes) {
       const Lanes force = at(fb + k);
-      sum[0] += at(x + k) * force;
-      sum[1] += at(y + k) * force;
-      sum[2] += at(z + k) * force;
+      sx += at(x + k) * force, sy += at(y + k) * force, sz += at(z + k) * force;
     }
   }
-  for (std::size_t a = 0; a < 3; ++a) u[a] = total(sum[a]);
+  u[0] = total(sx), u[1] = total(sy), u[2] = total(sz);
+}
+
+// The same of two loads, in the same bits.
+PALPATE_CLONES void dot_rows(const float* rows, std::size_t ld, std::size_t slots, const float* f,
+                             const float* g, std::size_t plane, float* u) noexcept {
+  Lanes fx = {}, fy = {}, fz = {}, gx = {}, gy = {}, gz = {};
+  for (std::size_t b = 0; b < 3; ++b) {
+    const float *x = rows + b * ld, *y = x + 3 * ld, *z = y + 3 * ld, *fb = f + b * plane,
+                *gb = g + b * plane;
+    for (std::size_t k = 0; k < slots; k += lanes) {
+      const Lanes one = at(fb + k), other = at(gb + k), cx = at(x + k), cy = at(y + k), cz = at(z + k);
+      fx += cx * one, fy += cy * one, fz += cz * one;
+      gx += cx * other, gy += cy * other, gz += cz * other;
+    }
+  }
+  u[0] = total(fx), u[1] = total(fy), u[2] = total(fz);
+  u[3] = total(gx), u[4] = total(gy), u[5] = total(gz);
 }
 
 // So many numbers of each row to where it begins when rows stand otherwise apart. They stand close, so that
@@ -115,6 +92,7 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_
       first_watched_((capacity + combined + 15) / 16 * 16),
       plane_(std::min(first_watched_, least_plane)),
       values_(9 * first_watched_ * first_watched_),
+      half_(first_watched_),
       watched_values_(9 * watched * first_watched_),
       fetched_(9 * at_once * capacity),
       slot_of_row_(rows, -1),
@@ -140,22 +118,32 @@ Mat3 ContactBlock::between(Index i, Index j) const noexcept {
 void ContactBlock::spread(std::span<const Index> loaded, std::span<const Vec3> forces,
                           std::span<float> planes) const noexcept {
   for (std::size_t b = 0; b < 3; ++b) {
-    std::fill_n(planes.data() + b * plane_, nodes_width(), 0.0f);
+    std::fill_n(planes.data() + b * plane_, width(), 0.0f);
     for (std::size_t k = 0; k < loaded.size(); ++k)
       planes[b * plane_ + static_cast<std::size_t>(loaded[k])] =
           static_cast<float>(forces[k][static_cast<int>(b)]);
   }
 }
 
+std::pair<const float*, std::size_t> ContactBlock::rows_of(Index slot) const noexcept {
+  if (is_loadable(slot)) return {row(slot, 0), plane_};
+  const auto s = static_cast<std::size_t>(slot);
+  return {watched_values_.data() + watched_at(s), known_[s - first_watched_].plane};
+}
+
 Vec3 ContactBlock::displacement(Index slot, std::span<const float> forces) const noexcept {
   float u[3];
-  const auto s = static_cast<std::size_t>(slot);
-  if (is_loadable(slot))
-    dot_rows(row(slot, 0), plane_, nodes_width(), forces.data(), plane_, u);
-  else
-    dot_rows(watched_values_.data() + watched_at(s), known_[s - first_watched_].plane, nodes_width(),
-             forces.data(), plane_, u);
+  const auto [rows, ld] = rows_of(slot);
+  dot_rows(rows, ld, width(), forces.data(), plane_, u);
   return Vec3f(u[0], u[1], u[2]).cast<double>();
+}
+
+std::array<Vec3, 2> ContactBlock::displacement(Index slot, std::span<const float> forces,
+                                               std::span<const float> others) const noexcept {
+  float u[6];
+  const auto [rows, ld] = rows_of(slot);
+  dot_rows(rows, ld, width(), forces.data(), others.data(), plane_, u);
+  return {Vec3f(u[0], u[1], u[2]).cast<double>(), Vec3f(u[3], u[4], u[5]).cast<double>()};
 }
 
 Vec3 ContactBlock::displacement(const float* rows, std::span<const Vec3> forces) noexcept {
@@ -198,7 +186,7 @@ void ContactBlock::add_displacements(Index loaded, const Vec3& force, std::span<
 }
 
 void ContactBlock::add_product(std::span<const float> f, std::span<float> u) const noexcept {
-  multiply(values_.data(), plane_, used(), f.data(), u.data());
+  half_.add_product(used(), plane_, f, u);
 }
 
 void ContactBlock::widen(std::size_t plane) noexcept {
@@ -220,6 +208,7 @@ void ContactBlock::move_slot(std::size_t from, std::size_t to) noexcept {
       std::copy_n(values_of(from, a) + b * plane_, used_, values_of(to, a) + b * plane_);
   for (std::size_t r = 0; r < 9 * used_; ++r)  // places
     values_[r * plane_ + to] = values_[r * plane_ + from];
+  half_.set(to, values_of(to, 0), plane_, used_);
   wanted_[to] = wanted_[from];
   fill(to, row_of_slot_[from]);
 }
@@ -268,6 +257,14 @@ void ContactBlock::fetch(const Compliance& compliance, std::span<const Index> sl
             values_of(i, a)[b * plane_ + j] = values_of(j, b)[a * plane_ + i] = c;
           }
   }
+  for (const Index slot : slots) half_.set(static_cast<std::size_t>(slot), row(slot, 0), plane_, used_);
+}
+
+// A new one, or the next that has not been asked for since the last time round.
+std::size_t ContactBlock::place_to_watch() noexcept {
+  if (watched_ < watchable_) return watched_++;
+  while (std::exchange(known_[next_].asked, false)) next_ = (next_ + 1) % watchable_;
+  return std::exchange(next_, (next_ + 1) % watchable_);
 }
 
 Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept {
@@ -275,9 +272,7 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
   Index& own = slot_of_row_[static_cast<std::size_t>(watched)];
   const bool is_new = own < 0;
   if (is_new) {
-    if (watched_ < watchable_) oldest_ = watched_++;
-    own = static_cast<Index>(first_watched_ + oldest_);
-    oldest_ = (oldest_ + 1) % watchable_;
+    own = static_cast<Index>(first_watched_ + place_to_watch());
     const Index before = std::exchange(row_of_slot_[static_cast<std::size_t>(own)], watched);
     if (before >= 0 && before != watched && slot_of_row_[static_cast<std::size_t>(before)] == own)
       slot_of_row_[static_cast<std::size_t>(before)] = -1;
@@ -285,7 +280,8 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
   const auto slot = static_cast<std::size_t>(own);
   float* const row = watched_values_.data() + watched_at(slot);
   Known& known = known_[slot - first_watched_];
-  if (is_new) known = {0, plane_};
+  known.asked = true;
+  if (is_new) known = {0, plane_, true};
   if (known.plane != plane_) {
     move_rows(row, known.plane, plane_, 9, std::min({known.plane, plane_, used_}));
     known.plane = plane_;
@@ -323,6 +319,7 @@ Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weigh
       for (std::size_t b = 0; b < 3; ++b) values_of(i, a)[b * plane_ + to] = values_of(to, b)[a * plane_ + i];
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t b = 0; b < 3; ++b) mean(a, b * plane_ + to, 1, values_of(to, a) + b * plane_ + to);
+  half_.set(to, values_of(to, 0), plane_, to + 1);
   return static_cast<Index>(to);
 }
 
@@ -338,7 +335,7 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
       slot = -1;  // watched so far
   }
   // Every product of a solver runs over all slots: idle ones cost more than fetching them again.
-  const std::size_t allowed = std::min(capacity_, rows.size() + rows.size() / 16 + 4);
+  const std::size_t allowed = std::min(capacity_, rows.size() + rows.size() / 64 + 4);
   std::size_t added = 0;
   for (const Index row : rows) {
     if (slot_of(row) >= 0) continue;

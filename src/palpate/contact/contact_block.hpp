@@ -6,10 +6,12 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "palpate/base/huge_array.hpp"
 #include "palpate/compliance/compliance.hpp"
+#include "palpate/contact/symmetric_half.hpp"
 
 namespace palpate {
 
@@ -25,7 +27,7 @@ class ContactBlock {
   // earlier calls alone. combined: so many slots will be asked of combine().
   void require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined = 0) noexcept;
   // A slot to watch a row that is not loadable, until the next call of require(): its own, or a new one, for
-  // which the one watched longest makes room. -1: there are no such slots.
+  // which one makes room that was not asked for lately. -1: there are no such slots.
   Index watch(const Compliance& compliance, Index row) noexcept;
   // A loadable slot for a point that rides on three nodes, until the next call of require(): its displacement
   // is the weighted mean of theirs, a force on it acts on them by these weights. slots: of the nodes,
@@ -46,11 +48,14 @@ class ContactBlock {
   }
   // C between two loadable slots, m/N.
   Mat3 between(Index i, Index j) const noexcept;
-  // Forces on some slots, none of them combined, into planes; zero elsewhere.
+  // Forces on some slots, none of them combined, into planes; zero elsewhere, of slots combined by then too.
   void spread(std::span<const Index> loaded, std::span<const Vec3> forces,
               std::span<float> planes) const noexcept;
   // Of a slot's node under such forces, m.
   Vec3 displacement(Index slot, std::span<const float> forces) const noexcept;
+  // The same of two at once.
+  std::array<Vec3, 2> displacement(Index slot, std::span<const float> forces,
+                                   std::span<const float> others) const noexcept;
   // The same of a node that has no slot, from its three rows of C against the loaded nodes, 3 forces.size()
   // numbers each.
   static Vec3 displacement(const float* rows, std::span<const Vec3> forces) noexcept;
@@ -80,7 +85,6 @@ class ContactBlock {
   std::size_t width() const noexcept { return (used() + 15) / 16 * 16; }
 
  private:
-  std::size_t nodes_width() const noexcept { return (used_ + 7) / 8 * 8; }
   float* values_of(std::size_t slot, std::size_t a) noexcept {
     return values_.data() + (3 * slot + a) * 3 * plane_;
   }
@@ -88,7 +92,10 @@ class ContactBlock {
   std::size_t watched_at(std::size_t slot) const noexcept {
     return 9 * (slot - first_watched_) * first_watched_;
   }
+  // A slot's row, and how far its parts are apart.
+  std::pair<const float*, std::size_t> rows_of(Index slot) const noexcept;
   Index slot_for(std::size_t allowed) noexcept;
+  std::size_t place_to_watch() noexcept;
   void fill(std::size_t slot, Index row) noexcept;
   void shrink(std::size_t allowed) noexcept;
   void widen(std::size_t plane) noexcept;
@@ -96,9 +103,10 @@ class ContactBlock {
   void fetch(const Compliance& compliance, std::span<const Index> slots) noexcept;
 
   std::size_t capacity_, watchable_, first_watched_, plane_;
-  std::size_t used_ = 0, combined_ = 0, watched_ = 0, oldest_ = 0;
+  std::size_t used_ = 0, combined_ = 0, watched_ = 0, next_ = 0;
   std::uint64_t moves_ = 0, calls_ = 0, fills_ = 0;
   HugeArray<float> values_;            // of loadable slots: 3 rows of 3 planes a slot, m/N
+  SymmetricHalf half_;                 // the same once more, for products
   HugeArray<float> watched_values_;    // of watched ones, so far apart that the longest planes have room
   std::vector<float> fetched_;         // rows as a compliance gives them
   std::vector<Index> slot_of_row_;     // slot of each compliance row, -1: not cached
@@ -108,6 +116,7 @@ class ContactBlock {
   struct Known {
     std::uint64_t fills = 0;  // that its row knows
     std::size_t plane = 0;    // how long its planes are
+    bool asked = false;       // for since the last time round
   };
   std::vector<Known> known_;         // of each watched slot
   std::vector<Index> added_, rows_;  // work space

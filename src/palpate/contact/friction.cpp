@@ -12,6 +12,7 @@
 // compliance along the normals only has to be near enough, as the gaps are read from moved_.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "palpate/contact/solver.hpp"
 
@@ -23,10 +24,11 @@ constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;  // turns; of the 
 // Of a normal, rad, so that its row of N^T C N may stay: in motion, which forgives a change of the forces
 // that is off by as much; and where they have to come to rest.
 constexpr double little_turned = 0.02, hardly_turned = 1e-4;
-constexpr double in_motion = 0.3, at_rest = 0.02;  // of the tolerance: so little a gap may be off in a turn
-constexpr double left_over = 0.05;    // of what the gaps were off in a turn: so small, the next one does it
+constexpr double any = std::numeric_limits<double>::infinity();
+// Where all is as foreseen the first turn does it. Else the next one does what is a twentieth.
+constexpr ContactSolver::Enough as_foreseen{0.8, 0, 0.4}, in_motion{0.3, 0.05, any}, at_rest{0.02, 0.05, any};
 constexpr int most_products = 12;     // of a step for friction
-constexpr double enough = 0.3;        // of its residual, by which it is reduced
+constexpr double reduced = 0.3;       // of its residual, by which it is reduced
 constexpr double stiffest = 1e-4;     // way of a step, of what each point alone would give: less is rounding
 constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
 constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
@@ -82,20 +84,21 @@ void ContactSolver::move(const ContactBlock& block) noexcept {
 // pressure_ by the linearised gaps at the forces so far, and friction that follows it: what slips keeps its
 // direction and takes its share. Returns how far the gaps were off, m; negative where they were not solved.
 double ContactSolver::press(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
-                            double tolerance, double good_enough) noexcept {
+                            double tolerance, double good_enough, double loosest) noexcept {
   const std::size_t m = points.size();
   double off = 0;
   for (std::size_t i = 0; i < m; ++i) {
     start_[i] = points[i].normal.dot(force_[i]);
     const double gap = rhs_[i] + points[i].normal.dot(reached_by(block, points[i], i));
     gap_[i] = normals_.scale(i) * gap;
-    off = std::max(off, points[i].grasped || start_[i] > 0 ? std::abs(gap) : -gap);
+    const bool bears = points[i].grasped || start_[i] > 0 || (pulls_ && start_[i] < 0);
+    off = std::max(off, bears ? std::abs(gap) : -gap);
   }
   if (off <= good_enough) {
     for (std::size_t i = 0; i < m; ++i) pressure_[i] = start_of(points[i], force_[i]);
     return off;
   }
-  const bool solved = find_pressures(points, std::max(tolerance, loose * off));
+  const bool solved = find_pressures(points, std::max(tolerance, std::min(loose * off, loosest)));
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& c = points[i];
     Vec3 friction = force_[i] - start_[i] * c.normal;
@@ -146,7 +149,7 @@ void ContactSolver::descend(const ContactBlock& block, std::span<const ContactPo
     search_[i] = weight_[i] * residual_[i];
     size += residual_[i].dot(search_[i]), off += search_[i].norm();
   }
-  const double small = enough * enough * size;
+  const double small = reduced * reduced * size;
   for (int k = 0; k < most_products && size > small && (k == 0 || off > negligible * pressures); ++k) {
     clear(block, tried_), clear(block, product_of_);
     for (std::size_t i = 0; i < m; ++i)
@@ -227,7 +230,7 @@ void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const Co
     const ContactPoint& c = points[i];
     const double p = c.normal.dot(force_[i]), radius = mu * p;
     if (c.grasped) continue;
-    if (p <= 0) {
+    if (p <= 0 && !pulls_) {
       change_force(block, c, i, -force_[i]);
       continue;
     }
@@ -248,11 +251,12 @@ void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const Co
 // Pressures until the gaps hardly change: friction that follows them moves the gaps again, by a tenth, and
 // rows of N^T C N that stayed solve them not quite. False: not solved.
 bool ContactSolver::press_on(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
-                             double tolerance, double small, int most) noexcept {
+                             double tolerance, const Enough& enough, int most) noexcept {
   double first = 0;
   for (int k = 0; k < most; ++k) {
-    const double good_enough = k == 0 ? 0 : std::max(left_over * first, small * tolerance);
-    const double off = press(block, points, mu, linear_share * tolerance, good_enough);
+    const double good_enough = k == 0 ? 0 : std::max(enough.share * first, enough.off * tolerance);
+    const double off =
+        press(block, points, mu, linear_share * tolerance, good_enough, enough.solved * tolerance);
     if (off < 0) return false;
     if (off <= good_enough) break;
     if (k == 0) first = off;
@@ -276,10 +280,15 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
   SolveResult result;
   const std::size_t m = points.size();
   clear(block, moved_), clear(block, forces_), pending_ = false;
+  const bool moved = mu == 0 && !limits.foreseen_moved.empty();  // already, by what is foreseen
+  if (moved) add_share(block, 1, limits.foreseen_moved, moved_);
   for (std::size_t i = 0; i < m; ++i) {
     force_[i] = points[i].force, base_[i] = points[i].u, last_change_[i] = Vec3::Zero();
-    own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
-    change_force(block, points[i], i, points[i].foreseen);
+    if (mu > 0) own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
+    if (moved)
+      force_[i] += points[i].foreseen;
+    else
+      change_force(block, points[i], i, points[i].foreseen);
     points[i].u += points[i].foreseen_u;
   }
   const int most = mu > 0 ? limits.max_relinearisations : std::min(newton_turns, limits.max_relinearisations);
@@ -292,17 +301,18 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
       slips_[i] = 0;
     }
     normals_.update(block, points, turn == 1 && limits.predicted ? little_turned : hardly_turned);
+    pulls_ = moved && turn == 1;
     put_on_circles(block, points, by_newton ? mu : -1, turn == 1);
     double change = 0;
     if (mu == 0 || !by_newton || turn == 1) move(block);
     if (mu > 0 && turn == 1 && !limits.predicted)
-      press(block, points, mu, linear_share * limits.tolerance, 0);
+      press(block, points, mu, linear_share * limits.tolerance, 0, any);
     if (mu > 0 && by_newton)
       change = rub(block, points, mu);
     else if (mu > 0)
       for (int k = 0; k < sweeps; ++k) change = rub_in_turn(block, points, mu);
-    const bool solved = press_on(block, points, mu, limits.tolerance, limits.predicted ? in_motion : at_rest,
-                                 by_newton ? most_presses : 1);
+    const Enough& enough = moved ? as_foreseen : limits.predicted ? in_motion : at_rest;
+    const bool solved = press_on(block, points, mu, limits.tolerance, enough, by_newton ? most_presses : 1);
     move(block);
     for (std::size_t i = 0; i < m; ++i) u_[i] = reached_by(block, points[i], i);
     Step s;
@@ -311,8 +321,10 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
         solved && s.residual <= limits.tolerance && s.turned <= 1e-3 * s.total && change <= settled * s.total;
     if (!result.converged) calm(points, turn == 1);
   }
-  if (limits.exact) displace(block, points);
+  if (limits.exact_each == 1) displace(block, points);
+  if (limits.exact_each > 1) displace_some(block, points, limits);
   hand_over(points, mu);
+  result.by_changes = true;
   SolverLimits rest = limits;
   rest.max_relinearisations -= result.relinearisations;
   if (mu > 0 || result.converged || rest.max_relinearisations <= 0) return result;

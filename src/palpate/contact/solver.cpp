@@ -90,6 +90,7 @@ bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double 
     lower_[k] =
         points[i].grasped ? -std::numeric_limits<float>::infinity() : static_cast<float>(-start_[i] / scale);
     within_[k] = static_cast<float>(std::min(scale * tolerance, never_more / scale));
+    change_[k] = points[i].grasped ? 0.0f : std::max(0.0f, lower_[k]);
   }
   const bool solved =
       minimise_over_bounds(normals_.values(), n, normals_.ld(), normals_.norm(), base_gradient_, lower_,
@@ -138,6 +139,17 @@ void ContactSolver::displace(const ContactBlock& block, std::span<const ContactP
   for (std::size_t k = 0; k < n; ++k) load_of_[static_cast<std::size_t>(loaded_[k])] = -1;
   block.displacements({loaded_.data(), n}, {load_.data(), n}, along_);
   for (std::size_t i = 0; i < points.size(); ++i) u_[i] = block.in_planes<double>(along_, points[i].slot);
+}
+
+// The same of some of the points, in float32.
+void ContactSolver::displace_some(const ContactBlock& block, std::span<const ContactPoint> points,
+                                  const SolverLimits& limits) noexcept {
+  clear(block, forces_);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (force_[i] != Vec3::Zero()) add_in_planes(block, points[i].slot, force_[i], forces_);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (is_exact(points[i], limits.exact_each, limits.exact_first))
+      u_[i] = block.displacement(points[i].slot, forces_);
 }
 
 // The forces for the gaps and normals at the points' u, what they do (u_, force_, pressure_), and how far

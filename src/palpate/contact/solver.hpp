@@ -69,12 +69,23 @@ struct SolverLimits {
   double tolerance = 0;  // m, of the gaps
   int max_relinearisations = 100;
   bool predicted = false;  // the points' forces are near what they will be
-  bool exact = true;       // u in float64 from all forces, rather than by what changed since the last tick
+  // u of the points of every so manyth node from all forces, beginning with the first, which is less; of the
+  // others by what changed since the last tick. 1: of all, in float64; 0: of none.
+  std::size_t exact_each = 1, exact_first = 0;
+  // Without friction, and where it is not empty: what all points' foreseen forces do, of the slots of points,
+  // in the block's planes, m.
+  std::span<const float> foreseen_moved = {};
 };
+
+// Whether SolverLimits says so of a point.
+inline bool is_exact(const ContactPoint& c, std::size_t each, std::size_t first) noexcept {
+  return each > 0 && static_cast<std::size_t>(c.node) % each == first % each;
+}
 
 struct SolveResult {
   bool converged = false;
   int relinearisations = 0;
+  bool by_changes = false;  // moved() is what all that changed of the forces did
 };
 
 // Work space for a number of contact points, allocated once.
@@ -93,6 +104,14 @@ class ContactSolver {
   // leads; forces may pull. Points must be distinct nodes.
   SolveResult prescribed(const ContactBlock& block, std::span<const PlacedShape> shapes,
                          std::span<ContactPoint> points, const SolverLimits& limits) noexcept;
+  // u of all loadable slots by what solve() changed of the points' forces, in the block's planes, m.
+  std::span<const float> moved() const noexcept { return moved_; }
+
+  // How far gaps may be off when a turn ends: of the tolerance, or of what they were off at first; and how
+  // exactly pressures have to be solved for at least, of the tolerance.
+  struct Enough {
+    double off, share, solved;
+  };
 
  private:
   static constexpr int window = 5;  // iterates Anderson's acceleration looks back on
@@ -137,16 +156,18 @@ class ContactSolver {
   void put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
                       bool first) noexcept;
   double press(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
-               double good_enough) noexcept;
+               double good_enough, double loosest) noexcept;
   double rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   double begin_rub(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void descend(const ContactBlock& block, std::span<const ContactPoint> points, double pressures) noexcept;
   bool press_on(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
-                double small, int most) noexcept;
+                const Enough& enough, int most) noexcept;
   void hand_over(std::span<ContactPoint> points, double mu) noexcept;
   double rub_in_turn(const ContactBlock& block, std::span<const ContactPoint> points, double mu) noexcept;
   void calm(std::span<ContactPoint> points, bool first) noexcept;
   void displace(const ContactBlock& block, std::span<const ContactPoint> points) noexcept;
+  void displace_some(const ContactBlock& block, std::span<const ContactPoint> points,
+                     const SolverLimits& limits) noexcept;
 
   std::size_t capacity_;
   NormalCompliance normals_;
@@ -164,6 +185,7 @@ class ContactSolver {
   // what it does, m.
   std::vector<float> forces_, tried_, product_of_;
   bool pending_ = false;
+  bool pulls_ = false;                        // forces that pull are left to the pressures
   std::vector<double> own_, weight_, curve_;  // of each point, see rub()
   std::vector<Vec3> change_of_, residual_, search_, step_of_, along_circle_;
   std::vector<std::uint8_t> slips_;  // of each point

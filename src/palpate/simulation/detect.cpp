@@ -70,7 +70,7 @@ void place(const Model& model, State& state) {
   state.placed.clear();
   for (const PlacedShape& shape : w.shapes) state.placed.push_back(shape.to_organ);
   w.before.copy(state.loads);
-  w.come_at_most = 2 * std::exchange(w.come, 0.0);
+  w.travel.come_at_most = 2 * std::exchange(w.travel.come, 0.0);
 }
 
 namespace {
@@ -138,12 +138,12 @@ void hold(const Model& model, State& state) {
     else
       for (const Index node : model.organ.surface.triangles[at(c.triangle)])
         want(model.organ.row_of[at(node)]);
-  for (const Loads* loads : {&state.loads, &w.before})  // these, too, as displacement_before() asks for them
-    for (std::size_t i = 0; i < loads->count; ++i) want(loads->rows[i]);
+  // These, too, as displacement_before() and travel() ask for them.
+  for (const Loads* loads : {&state.loads, &w.before, &w.earlier})
+    for (std::size_t i = 0; i < loads->count && (loads != &w.earlier || w.places == 0); ++i)
+      want(loads->rows[i]);
   for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
   w.block.require(w.compliance_of(model), w.wanted, w.places);
-  spread(w, state.loads, w.loaded);
-  spread(w, w.before, w.loaded_before);
   for (ContactPoint& c : w.points) {
     c.slot = c.triangle < 0 ? w.block.slot_of(c.row) : -1;
     if (c.triangle < 0) continue;
@@ -154,6 +154,9 @@ void hold(const Model& model, State& state) {
     }
     c.slot = w.block.combine(slots, c.weights);
   }
+  spread(w, state.loads, w.loaded);
+  spread(w, w.before, w.loaded_before);
+  if (w.earlier.u_known) spread(w, w.earlier, w.loaded_earlier);
 }
 
 void forget_near(StepScratch& w) {
@@ -225,15 +228,6 @@ Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
 
 }  // namespace
 
-double drift(const Model& model, State& state, const Loads& then) {
-  if (then.number == state.loads.number) return 0;
-  const double work = state.loads.work(), work_then = then.work();
-  double both = 0;
-  for (std::size_t i = 0; i < then.count; ++i)
-    both += then.forces[i].dot(displacement_about(model, state, model.organ.node_of_row[at(then.rows[i])]));
-  return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
-}
-
 bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
               double near, double drifted) {
   const double clearance =
@@ -250,28 +244,6 @@ void add_near(StepScratch& w, Index node) {
 
 namespace {
 
-// What the node and the instrument have travelled since the epoch began, m.
-double travelled_by(const StepScratch& w, std::size_t instrument, Index node) {
-  return lipschitz * (static_cast<double>(w.softness[at(node)]) * w.travelled + w.sweeps[instrument].gone);
-}
-
-// That the node is no nearer to the instrument now, under state.loads. What a narrow band says beyond itself
-// jumps.
-void remember(StepScratch& w, std::size_t instrument, Index node, double distance) {
-  const auto* band = std::get_if<std::shared_ptr<const BandLattice>>(w.shapes[instrument].shape);
-  if (band) distance = std::min(distance, (*band)->band());
-  w.clear[instrument * w.softness.size() + at(node)] = {distance + travelled_by(w, instrument, node),
-                                                        w.sweeps[instrument].epoch};
-}
-
-// Of a node from an instrument, under state.loads: the distance is no less, m.
-double clearance(const StepScratch& w, std::size_t instrument, Index node) {
-  const StepScratch::Clear& clear = w.clear[instrument * w.softness.size() + at(node)];
-  return clear.epoch != 0 && clear.epoch == w.sweeps[instrument].epoch
-             ? clear.distance - travelled_by(w, instrument, node)
-             : -std::numeric_limits<double>::infinity();
-}
-
 // Nodes but for the points of this instrument that may be nearer than `reach` under state.loads, or that the
 // shape passed through.
 void find_candidates(const Model& model, State& state, const Surface& surface, std::size_t instrument,
@@ -282,8 +254,8 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
   const double near = reach + w.tolerance, swept = near + way_through(w, instrument);
-  look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept, drifted + w.come_at_most,
-            [&](Index node, double within) {
+  look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept,
+            drifted + w.travel.come_at_most, [&](Index node, double within) {
               if (points[node] >= 0) return;
               const auto softness = lipschitz * static_cast<double>(w.softness[at(node)]);
               const Vec3& p = surface.positions[at(node)];
@@ -291,18 +263,37 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
               if (!(clear > swept)) {
                 if (!shape.may_be_nearer(p, within)) return;
                 d = shape.distance(p), clear = d - softness * drifted;
-                if (surface.loads.u_known) remember(w, instrument, node, clear);
+                if (surface.loads.u_known && clear > clearance(w, instrument, node))
+                  remember(w, instrument, node, clear, speed_by_last(w, instrument, node));
               }
-              if (clear > swept + softness * w.come_at_most) return;
+              if (clear > swept + softness * w.travel.come_at_most) return;
               add_near(w, node);
               if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near, drifted))
                 w.candidates.push_back(node);
             });
 }
 
-// Calls found(node, distance, u) for those of `candidates` that are nearer than `reach`, or passed through.
-// looked_at: where they were before tissue went on its way in this tick, so that its way is off the
-// clearance.
+// displacement_about(), and what the last change of the loads did; with one row of C for both where it can
+// be.
+std::array<Vec3, 2> place_about(const Model& model, State& state, Index node) {
+  StepScratch& w = *state.scratch;
+  const Compliance& compliance = w.compliance_of(model);
+  const Index row = model.organ.row_of[at(node)];
+  Index slot = w.block.slot_of(row);
+  if (w.u_number[at(node)] != w.stamp(state.loads.number) && w.loaded.loadable && w.travel.planes_known) {
+    if (!w.block.is_loadable(slot)) slot = compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
+    if (slot >= 0) {
+      const std::array<Vec3, 2> both = w.block.displacement(slot, w.loaded.planes, w.travel.planes);
+      found_displacement(w, node, both[0], state.loads.number);
+      return both;
+    }
+  }
+  return {displacement_about(model, state, node), last_change_of(model, w, node)};
+}
+
+// Calls found(node, distance, u, change of u in the last tick) for those of `candidates` that are nearer than
+// `reach`, or passed through. looked_at: where they were before tissue went on its way in this tick, so that
+// its way is off the clearance.
 template <class Found>
 void near_now(const Model& model, State& state, std::size_t instrument, std::span<const Index> candidates,
               double reach, bool looked_at, Found&& found) {
@@ -312,13 +303,12 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
-    const auto softness = static_cast<double>(w.softness[at(node)]);
-    const double way = way_through(w, instrument, softness * w.come);
+    const double way = way_through(w, instrument, come_at_most(w, instrument, node));
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
     if (clearance(w, instrument, node) >= (looked_at ? swept : within)) continue;
-    const Vec3 about = displacement_about(model, state, node);
+    const auto [about, change] = place_about(model, state, node);
     double d = shape.distance(model.organ.contact_points[at(node)] + about);
-    remember(w, instrument, node, d);
+    remember(w, instrument, node, d, change.norm());
     if (d >= within) continue;
     const Vec3& u = displacement(model, state, node);
     const Vec3 p = model.organ.contact_points[at(node)] + u;
@@ -326,7 +316,7 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     if (d >= reach && way > 0 && d < 1.5 * way &&
         way_through(w, instrument, (u - displacement_before(model, state, node)).norm()) > 0)
       d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
-    if (d < reach) found(node, d, u);
+    if (d < reach) found(node, d, u, change);
   }
 }
 
@@ -335,6 +325,17 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
 double reach_of(const StepScratch& w, std::size_t instrument) {
   const Sweep& sweep = w.sweeps[instrument];
   return sweep.known && sweep.epoch != 0 ? std::min(w.reach, 0.2 * w.reach + 1.2 * sweep.way) : w.reach;
+}
+
+// Whether the node is near where it is foreseen to be: as far as an eighth of the ways. Elsewhere any that is
+// within reach is a point: where it was when it came to touch tells which way it slips.
+bool may_touch(const Model& model, const State& state, std::size_t instrument, Index node, const Vec3& u,
+               const Vec3& change) {
+  const StepScratch& w = *state.scratch;
+  if (w.ahead == 0 || !change.allFinite() || !foreseeable(model, state)) return true;
+  const double ways = w.sweeps[instrument].way + w.ahead * change.norm();
+  const Vec3 ahead = model.organ.contact_points[at(node)] + u + w.ahead * change;
+  return w.shapes[instrument].distance(ahead) < 0.125 * ways + 0.02 * w.reach;
 }
 
 // What the instruments hold: three points a node, before all others.
@@ -423,9 +424,12 @@ void detect(const Model& model, State& state, const Surface& surface) {
     find_candidates(model, state, surface, i, reach, drifted);
     find_faces(model, state, surface, i, drifted);
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
-    near_now(model, state, i, w.candidates, reach, false, [&](Index node, double, const Vec3& u) {
-      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
-    });
+    near_now(model, state, i, w.candidates, reach, false,
+             [&](Index node, double d, const Vec3& u, const Vec3& change) {
+               if (d > 0 && !may_touch(model, state, i, node, u, change)) return;
+               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
+                 state.status |= too_many_contacts;
+             });
   }
 }
 
@@ -453,24 +457,26 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const std::size_t before = w.points.size(), s = model.organ.surface_size();
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   // Whether all that may have come near was near for detect().
-  const bool all_near = model.settings.mode == Mode::unilateral && w.come <= w.come_at_most;
+  const bool all_near = model.settings.mode == Mode::unilateral && w.travel.come <= w.travel.come_at_most;
   const double drifted = all_near ? 0 : drift(model, state, surface);
   state.deepest_after = 0;
   for (const ContactPoint& c : w.points)
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (!all_near) {  // near_now() looks so far for what has passed through
-      const double way = way_through(w, i, w.softest * w.come);
+      const double way = way_through(w, i, w.softest * w.travel.come);
       find_candidates(model, state, surface, i, way > 0 ? 1.5 * way : -w.tolerance, drifted);
     }
     std::vector<Index>& nodes = all_near ? w.near : w.candidates;
     if (!has_room(w, nodes.size())) std::sort(nodes.begin(), nodes.end());  // who gets the last
-    near_now(model, state, i, nodes, -w.tolerance, all_near, [&](Index node, double d, const Vec3& u) {
-      state.deepest_after = std::max(state.deepest_after, -d);
-      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-        if (w.point_of[other * s + at(node)] >= 0) return;
-      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
-    });
+    near_now(model, state, i, nodes, -w.tolerance, all_near,
+             [&](Index node, double d, const Vec3& u, const Vec3&) {
+               state.deepest_after = std::max(state.deepest_after, -d);
+               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+                 if (w.point_of[other * s + at(node)] >= 0) return;
+               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
+                 state.status |= too_many_contacts;
+             });
   }
   // The order of the points decides bits; that of what is near depends on the surface's age.
   const auto added = w.points.begin() + static_cast<std::ptrdiff_t>(before);

@@ -145,7 +145,8 @@ Deepest search(const Model& model, State& state, View& view, LookedAt& seen, boo
   float softness = 0;  // the tissue's way counts, too: first at most, then as it is
   for (const Index node : model.organ.surface.triangles[view.triangle])
     softness = std::max(softness, w.softness[at(node)]);
-  swept = best.depth <= more && way_between(w, view.instrument, static_cast<double>(softness) * w.come) > 0;
+  swept = best.depth <= more &&
+          way_between(w, view.instrument, static_cast<double>(softness) * w.travel.come) > 0;
   if (swept) {
     view.before = corners_before(model, state, view.triangle);
     double way = 0;

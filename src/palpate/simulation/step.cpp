@@ -87,14 +87,18 @@ State make_state(const Model& model) {
   w.u_before_number.assign(w.u_before.size(), 0);
   w.looked_at.resize(instruments * w.faces.faces.size());
   w.seen.resize(w.u_before.size());
+  w.rest.resize(capacity), w.rest_gaps.resize(capacity);
   w.point_slots.resize(capacity), w.point_forces.resize(capacity),
       w.placed_u.resize(3 * w.block.most_plane());
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
   w.clear.resize(s * instruments);
   w.begun.resize(s);
-  for (StepScratch::Spread* spread : {&w.loaded, &w.loaded_before})
+  for (std::vector<float>* planes : {&w.travel.planes, &w.foreseen, &w.foreseen_moved})
+    planes->resize(3 * w.block.most_plane());
+  for (StepScratch::Spread* spread : {&w.loaded, &w.loaded_before, &w.loaded_earlier})
     spread->slots.resize(s), spread->planes.resize(3 * w.block.most_plane());
+  w.mode = model.settings.mode;
   w.size = bounding_box(organ.surface.vertices).diagonal();
   w.tolerance = model.settings.tolerance * w.size;
   double area = 0;
@@ -162,43 +166,46 @@ void take_loads(const Model& model, State& state) {
   }
 }
 
-// How far the tick's forces have come in a round adds to what any node may have moved: at most as far as from
-// the last tick's and back to where the round before had come.
-void travel(const Model& model, State& state) {
-  StepScratch& w = *state.scratch;
-  const double come = w.before.u_known ? drift(model, state, w.before) : std::sqrt(state.loads.work());
-  w.travelled += come + std::exchange(w.come, come);
-  if (std::isfinite(w.travelled)) return;  // else no distance that was remembered holds
-  w.travelled = w.come = 0;
-  for (Sweep& sweep : w.sweeps) sweep.epoch += sweep.epoch != 0;
+// Where u came from all forces it was corrected, which foresee() would take for a motion.
+void note_corrections(StepScratch& w, const SolverLimits& limits, const SolveResult& result) {
+  const std::size_t each = result.by_changes ? limits.exact_each : 1;
+  for (const ContactPoint& c : w.points)
+    if (is_exact(c, each, limits.exact_first)) w.begun[at(c.node)].corrected = w.ticks;
 }
 
-constexpr int most_rounds = 20;
+constexpr int most_rounds = 24;
 
 // Solves until the forces swallow no other node, and no instrument reaches into a triangle between nodes.
 void solve(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
-  SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations, false, true};
+  SolverLimits limits{0.5 * w.tolerance, model.settings.max_relinearisations};
   SolveResult result;
   w.round = 0, w.left = 0;
   if (w.places > 0) add_places(model, state, surface, true);  // where instruments went on
   for (; w.round < most_rounds; ++w.round) {
+    const bool whole = w.round == 0 && !w.moved_forces;
     face_places(model, state);
     hold(model, state);
     displace_points(state);
     for (ContactPoint& c : w.points) c.foreseen.setZero(), c.foreseen_u.setZero();
-    limits.exact = state.loads.number % exact_every == 0;
+    // All at once where what sticks or is held must not drift.
+    limits.exact_first = state.loads.number % exact_every;
+    limits.exact_each = foreseeable(model, state) ? exact_every : limits.exact_first == 0 ? 1 : 0;
     limits.predicted = w.round == 0 && model.settings.mode == Mode::unilateral && predict(model, state);
+    const bool foreseen = limits.predicted && whole && foresee(model, state);
+    limits.foreseen_moved = foreseen ? w.foreseen_moved : std::span<const float>();
+    if (w.round == 0) w.earlier.copy(w.before);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
                    ? w.solver.prescribed(w.block, w.shapes, w.points, limits)
                    : w.solver.solve(w.block, w.shapes, w.points, model.settings.friction, limits);
     else
       result.converged = true;
+    note_corrections(w, limits, result);
     state.relinearisations += result.relinearisations;
     limits.max_relinearisations -= result.relinearisations;
     take_loads(model, state);
-    travel(model, state);
+    travel(model, state, whole && result.by_changes);
     drop_idle_places(model, state);
     if (!add_swallowed(model, state, surface) && !add_places(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
@@ -215,6 +222,12 @@ void report(State& state) {
   state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
+  for (std::size_t i = 0, end = 0; i < w.points.size(); i = end) {
+    const PlacedShape& shape = w.shapes[at(w.points[i].instrument)];
+    for (; end < w.points.size() && w.points[end].instrument == w.points[i].instrument; ++end)
+      w.rest[end] = shape.own(w.points[end].rest);
+    gaps(*shape.shape, std::span(w.rest).subspan(i, end - i), std::span(w.rest_gaps).subspan(i));
+  }
   for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
     ContactPoint& p = w.points[i];
     const PlacedShape& shape = w.shapes[at(p.instrument)];
@@ -223,7 +236,7 @@ void report(State& state) {
     Contact c;
     c.grasped = p.grasped;
     c.node = p.node, c.instrument = p.instrument, c.triangle = p.triangle, c.weights = p.weights;
-    c.gap_before = shape.distance(p.rest);
+    c.gap_before = w.rest_gaps[i].distance;
     const Vec3 now = p.rest + p.u;
     c.gap_after = p.grasped ? shape.distance(now) : p.gap;
     if (p.triangle >= 0) gap_by_path(shape, p.path, now, &p.path);
@@ -257,9 +270,16 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   state.deepest_before = state.deepest_after = 0;
   state.organ = normalized(input.organ);
   std::transform(input.instruments.begin(), input.instruments.end(), state.instruments.begin(), normalized);
+  StepScratch& w = *state.scratch;
+  // What another mode left is no beginning.
+  const Mode last = std::exchange(w.mode, model.settings.mode);
+  if (last != w.mode) state.loads.u_known = false, state.contacts.clear();
   place(model, state);
-  forget_near(*state.scratch);
-  if (!state.loads.u_known) state.loads.count = 0, ++state.loads.number;  // another mode's
+  forget_near(w);
+  if (!state.loads.u_known) {
+    state.loads.count = 0, ++state.loads.number;
+    spread(w, state.loads, w.loaded);
+  }
   switch (model.settings.mode) {
     case Mode::unilateral:
     case Mode::prescribed: {

@@ -10,11 +10,11 @@
 namespace palpate {
 
 // Nodes that are near, but no contact points: so many the contact block has a place for.
-constexpr std::size_t most_watched = 1024;
+constexpr std::size_t most_watched = 2048;
 
 // Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
 constexpr double hidden = 1e-6;
-// Loads after which displacements are summed up from all forces again, rather than from what changed.
+// Ticks after which a point's displacement is summed up from all forces again, rather than from what changed.
 constexpr std::uint64_t exact_every = 16;
 
 inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
@@ -30,6 +30,27 @@ struct Sweep {
   std::array<Vec3, 8> ways;     // and how each came there from where it was
 
   Sweep() noexcept { corners.fill(Vec3::Zero()), ways.fill(Vec3::Zero()); }
+};
+
+// How far nodes may have moved: travel.cpp.
+struct Travel {
+  double travelled = 0;       // sum of sqrt(df.C df) over all changes of the loads, sqrt J
+  double come = 0;            // from the last tick's loads to the tick's own so far, sqrt J
+  double come_at_most = 0;    // nodes that this may bring near are among `near`, sqrt J
+  std::uint64_t changes = 0;  // of the loads
+  double work = 0;            // df.C df of the last one, J; 0: not known, or not a whole tick's
+  std::vector<float> planes;  // its df as the block takes it
+  bool planes_known = false, smooth = false;  // smooth: like the one before, times a factor
+  // How far at most all changes after one, and the last of them alone, move a node that this one moved by v:
+  // by |v| along + sqrt(tr C_ii) besides, m and sqrt J.
+  struct Way {
+    double along = 0, besides = 0;
+  };
+  struct Since {
+    Way all, last{1, 0};
+  };
+  static constexpr std::uint64_t remembered = 64;
+  std::array<Since, remembered> since;  // of the last changes
 };
 
 struct StepScratch {
@@ -65,11 +86,14 @@ struct StepScratch {
   Loads earlier;                    // of the one before
   std::vector<Index> earlier_of;    // of each row of the compliance: which of them it is, -1: none
   struct Begun {
-    Vec3 u = Vec3::Zero();   // m
-    std::uint64_t tick = 0;  // of all ticks
+    Vec3 u = Vec3::Zero();        // m
+    std::uint64_t tick = 0;       // of all ticks
+    std::uint64_t corrected = 0;  // the last tick in which its displacement was
   };
   std::vector<Begun> begun;  // of each node: what its point began the tick with
-  double ahead = 0;  // the instruments' motion in this tick as a share of that in the last; 0: not known
+  std::vector<float> foreseen,
+      foreseen_moved;  // of all loads, N, and what the points' part does, m; in planes
+  double ahead = 0;    // the instruments' motion in this tick as a share of that in the last; 0: not known
   std::vector<ContactPoint> points;     // may touch in this tick
   std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
   std::vector<std::uint8_t> grasped;    // of each node: among the points, in a grip
@@ -82,22 +106,23 @@ struct StepScratch {
   // How far from an instrument each node was when it was last looked at: most that are near need not be
   // placed in a tick, as they cannot have come nearer since by more than both have travelled.
   struct Clear {
-    double distance = 0;      // m, plus what both had travelled by then
-    std::uint64_t epoch = 0;  // of the sweep then
+    double distance = 0;       // m, plus what the instrument had gone by then
+    std::uint64_t epoch = 0;   // of the sweep then
+    double travelled = 0;      // then, sqrt J
+    std::uint64_t change = 0;  // the last of the loads by then
+    double speed = 0;          // how far that had moved the node, m; infinite: not known
   };
   std::vector<Clear> clear;  // [instrument * nodes + node]
-  double travelled = 0;      // sum of sqrt(df.C df) over all changes of the loads, sqrt J
-  double come = 0;           // from the last tick's loads to the tick's own so far, sqrt J
-  double come_at_most = 0;   // nodes that this may bring near are among `near`, sqrt J
+  Travel travel;
   // Loads as the block takes them.
   struct Spread {
     std::vector<Index> slots;
     std::vector<float> planes;
     bool loadable = false;  // all of them
   };
-  Spread loaded, loaded_before;        // state.loads, before
-  std::vector<float> compliance_rows;  // of a node without a slot
-  std::vector<float> softness;         // of each node: Clusters::softness
+  Spread loaded, loaded_before, loaded_earlier;  // state.loads, before, earlier
+  std::vector<float> compliance_rows;            // of a node without a slot
+  std::vector<float> softness;                   // of each node: Clusters::softness
   Faces faces;
   int round = 0;                               // of the tick's solves
   std::size_t places = 0;                      // among the points
@@ -112,7 +137,10 @@ struct StepScratch {
   };
   std::vector<Seen> seen;  // of each node: where the places' planes are taken
   std::uint64_t ticks = 0;
-  bool moved_forces = false;  // forces have moved or gone without the solver since the points were displaced
+  Mode mode = Mode::unilateral;  // of the last tick
+  bool moved_forces = false;   // forces have moved or gone without the solver since the points were displaced
+  std::vector<Vec3> rest;      // of the points, in the instruments' frames, m
+  std::vector<Gap> rest_gaps;  // and their gaps there
   std::vector<Index> point_slots;             // of the points with a force
   std::vector<Vec3> point_forces;             // and these, N
   std::vector<double> placed_u;               // of each slot, in planes
@@ -156,11 +184,6 @@ Vec3 displacement_before(const Model& model, State& state, Index node);
 Vec3 displacement_about(const Model& model, State& state, Index node);
 // All of the node's records.
 void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number);
-// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of `then`.
-double drift(const Model& model, State& state, const Loads& then);
-inline double drift(const Model& model, State& state, const Surface& surface) {
-  return drift(model, state, surface.loads);
-}
 // Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
 // on its way through this tick.
 bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
@@ -178,6 +201,28 @@ void see_anchored(const Model& model, State& state);
 // Nodes that were not among the points and lie inside an instrument now become points too. True when there
 // were any.
 bool add_swallowed(const Model& model, State& state, const Surface& surface);
+
+// travel.cpp
+
+// sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of `then`.
+double drift(const Model& model, State& state, const Loads& then);
+inline double drift(const Model& model, State& state, const Surface& surface) {
+  return drift(model, state, surface.loads);
+}
+// After a solve, whose loads are spread: what changed of them adds to what any node may have moved.
+// whole: a tick's first, that the solver alone made.
+void travel(const Model& model, State& state, bool whole);
+// That the node is no nearer to the instrument now, under state.loads, m; speed: how far the last change has
+// moved it, m.
+void remember(StepScratch& w, std::size_t instrument, Index node, double distance, double speed);
+// What the last change of the loads did to the node, m; infinite: not known.
+Vec3 last_change_of(const Model& model, StepScratch& w, Index node);
+// How far that has moved it, from what is remembered, at most, m.
+double speed_by_last(const StepScratch& w, std::size_t instrument, Index node);
+// Of a node from an instrument, under state.loads: the distance is no less, m.
+double clearance(const StepScratch& w, std::size_t instrument, Index node);
+// How far a node may have come in this tick, m.
+double come_at_most(const StepScratch& w, std::size_t instrument, Index node);
 
 // places.cpp
 
@@ -209,6 +254,11 @@ bool add_places(const Model& model, State& state, const Surface& surface, bool e
 
 // What the last two ticks lead the points' forces to. False: nothing is known.
 bool predict(const Model& model, State& state);
+// Without friction, grips and instruments that need places: where a point is depends on the forces alone, not
+// on how it came there.
+bool foreseeable(const Model& model, const State& state);
+// After predict(): what the foreseen forces do to the points. False: not known.
+bool foresee(const Model& model, State& state);
 
 // grip.cpp
 

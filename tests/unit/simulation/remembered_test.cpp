@@ -92,5 +92,31 @@ TEST(Remembered, AnInstrumentThatStandsInADentOfItsOwnIsFelt) {
   EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
 }
 
+// What the other modes leave of forces and displacements is no beginning for a solver.
+TEST(Remembered, NothingOfAnotherMode) {
+  Model model = block_model(8, lattice_of(make_sphere(Vec3::Zero(), 0.02, 48, 96), 0.0025));
+  const auto deep = [](double depth) { return at(Vec3(0, 0, 0.12 - depth)); };
+  State fresh = make_state(model);
+  step(model, fresh, deep(10e-3));
+  ASSERT_GT(fresh.contacts.size(), 3u);
+  for (const Mode other : {Mode::imprint, Mode::gaussian, Mode::prescribed}) {
+    SCOPED_TRACE(name(other));
+    State state = make_state(model);
+    for (int k = 1; k <= 10; ++k) step(model, state, deep(1.2e-3 * k));
+    model.settings.mode = other;
+    for (int k = 0; k < 3; ++k) step(model, state, deep(12e-3));
+    model.settings.mode = Mode::unilateral;
+    step(model, state, deep(10e-3));
+    EXPECT_EQ(state.status & ~strain_beyond_linear, 0u);
+    EXPECT_LT((state.wrenches[0].force - fresh.wrenches[0].force).norm(),
+              1e-3 * fresh.wrenches[0].force.norm());
+    for (const Contact& c : state.contacts) {
+      const Vec3& now = state.surface.positions[static_cast<std::size_t>(c.node)];
+      EXPECT_NEAR(distance(model.instruments[0].shape, deep(10e-3).instruments[0].inverse() * now),
+                  c.gap_after, 5e-9);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace palpate

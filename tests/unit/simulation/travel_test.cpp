@@ -1,0 +1,76 @@
+// What bounds how far nodes move, and what is foreseen of where they go, while a motion goes on.
+#include <gtest/gtest.h>
+
+#include "fixtures.hpp"
+#include "palpate/simulation/tick_work.hpp"
+
+namespace palpate {
+namespace {
+
+// A ball that is pressed in and then dragged to and fro as a hand would, with a stop and a jump on the way.
+Vec3 dragged(int k) {
+  const double along = 2e-3 * std::sin(0.05 * k), jump = k > 150 ? 1e-3 : 0.0;
+  return {k > 200 && k < 220 ? 2e-3 * std::sin(10.0) : along, jump, 0.114 - 4e-3 * std::min(1.0, 0.02 * k)};
+}
+
+class Travelling : public testing::TestWithParam<double> {
+ protected:
+  Travelling() : model_(block_model(10, lattice_of(make_sphere(Vec3::Zero(), 0.02, 48, 96), 1.25e-3))) {
+    model_.settings.friction = GetParam();
+  }
+  // Of a node from the ball, under the loads there are, by the whole surface.
+  double distance_now(const State& state, const Surface& now, Index node) const {
+    const PlacedShape& shape = state.scratch->shapes[0];
+    return shape.distance(now.positions[at(node)]);
+  }
+  Model model_;
+};
+
+// No node is nearer than what is remembered says, and where the motion is smooth, the bound is mostly less
+// than that of the energy alone (this few nodes leave two thirds and half of it).
+TEST_P(Travelling, NoNodeIsNearerThanRemembered) {
+  State state = make_state(model_);
+  const StepScratch& w = *state.scratch;
+  Surface lagging = state.surface, now = state.surface;
+  Deformer deformer(model_.organ);
+  std::size_t known = 0, tight = 0, smooth = 0;
+  for (int k = 0; k < 300; ++k) {
+    tick(model_, state, palpate::at(dragged(k)), lagging);
+    if (k % 17 == 0) deformer(model_.organ, state.loads, lagging);
+    deformer(model_.organ, state.loads, now);
+    for (const Index node : model_.organ.node_of_row) {
+      ASSERT_LE(clearance(w, 0, node), distance_now(state, now, node) + 2e-7) << k << ' ' << node;
+      const StepScratch::Clear& clear = w.clear[at(node)];
+      if (k < 50 || !w.travel.smooth || w.travel.changes - clear.change > 3 || clear.speed > 1) continue;
+      ++known;
+      const double energy = static_cast<double>(w.softness[at(node)]) * w.travel.come;
+      tight += speed_by_last(w, 0, node) < 0.6 * energy;
+    }
+    smooth += w.travel.smooth;
+  }
+  EXPECT_GT(smooth, 150u);
+  EXPECT_GT(known, 300u);
+  EXPECT_GT(tight, known * 3 / 5);
+}
+
+INSTANTIATE_TEST_SUITE_P(Friction, Travelling, testing::Values(0.0, 0.3));
+
+// What the foreseen forces do is told without a product; errors must not go on with the motion.
+TEST(Foreseen, GapsAreWhatAllForcesMake) {
+  const Model model = block_model(10, lattice_of(make_sphere(Vec3::Zero(), 0.02, 48, 96), 1.25e-3));
+  State state = make_state(model);
+  int foreseen = 0;
+  double off = 0;
+  for (int k = 0; k < 600; ++k) {
+    step(model, state, palpate::at(dragged(k)));
+    foreseen += state.scratch->travel.smooth;
+    for (const Contact& c : state.contacts)
+      off = std::max(off, std::abs(state.scratch->shapes[0].distance(state.surface.positions[at(c.node)]) -
+                                   c.gap_after));
+  }
+  EXPECT_GT(foreseen, 400);
+  EXPECT_LT(off, 5e-9);
+}
+
+}  // namespace
+}  // namespace palpate
