@@ -327,8 +327,9 @@ double reach_of(const StepScratch& w, std::size_t instrument) {
   return sweep.known && sweep.epoch != 0 ? std::min(w.reach, 0.2 * w.reach + 1.2 * sweep.way) : w.reach;
 }
 
-// Whether the node is near where it is foreseen to be: as far as an eighth of the ways. Elsewhere any that is
-// within reach is a point: where it was when it came to touch tells which way it slips.
+// Whether the node is near where it is foreseen to be: as far as an eighth of the ways. Else it is held back,
+// for when nothing goes as foreseen. With friction, grips and places any that is within reach is a point:
+// where it was when it came to touch tells which way it slips.
 bool may_touch(const Model& model, const State& state, std::size_t instrument, Index node, const Vec3& u,
                const Vec3& change) {
   const StepScratch& w = *state.scratch;
@@ -395,6 +396,7 @@ ContactPoint* keep_place(const Model& model, State& state, const Contact& c, con
 void detect(const Model& model, State& state, const Surface& surface) {
   StepScratch& w = *state.scratch;
   forget_points(model, w);
+  w.held_back.clear();
   add_grasped(model, state);
   std::size_t lost = state.contacts.size();  // whose forces no point goes on with
   for (const Contact& c : state.contacts) {
@@ -426,11 +428,24 @@ void detect(const Model& model, State& state, const Surface& surface) {
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
     near_now(model, state, i, w.candidates, reach, false,
              [&](Index node, double d, const Vec3& u, const Vec3& change) {
-               if (d > 0 && !may_touch(model, state, i, node, u, change)) return;
+               if (d > 0 && !may_touch(model, state, i, node, u, change)) {
+                 w.held_back.push_back({node, i});
+                 return;
+               }
                if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
                  state.status |= too_many_contacts;
              });
   }
+}
+
+bool add_held_back(const Model& model, State& state) {
+  StepScratch& w = *state.scratch;
+  const std::size_t before = w.points.size();
+  for (const auto& [node, i] : w.held_back)
+    if (!add_point(model, w, node, i, displacement(model, state, node), path_of(model, state, i, node)))
+      state.status |= too_many_contacts;
+  w.held_back.clear();
+  return w.points.size() > before;
 }
 
 void detect_at_rest(const Model& model, State& state, const Surface& surface) {

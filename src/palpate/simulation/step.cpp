@@ -78,6 +78,7 @@ State make_state(const Model& model) {
   w.grasped.assign(s, 0);
   w.candidates.reserve(s);
   w.near.reserve(s);
+  w.held_back.reserve(s * instruments);
   w.is_near.assign(s, 0);
   w.wanted.reserve(w.block.capacity());
   w.is_wanted.assign(organ.compliance.nodes(), 0);
@@ -174,6 +175,8 @@ void note_corrections(StepScratch& w, const SolverLimits& limits, const SolveRes
 }
 
 constexpr int most_rounds = 24;
+// Turns of a solve after which nodes that were held back may be what it misses.
+constexpr int few_turns = 4;
 
 // Solves until the forces swallow no other node, and no instrument reaches into a triangle between nodes.
 void solve(const Model& model, State& state, const Surface& surface) {
@@ -195,6 +198,8 @@ void solve(const Model& model, State& state, const Surface& surface) {
     const bool foreseen = limits.predicted && whole && foresee(model, state);
     limits.foreseen_moved = foreseen ? w.foreseen_moved : std::span<const float>();
     if (w.round == 0) w.earlier.copy(w.before);
+    const int left = limits.max_relinearisations;
+    if (!w.held_back.empty()) limits.max_relinearisations = std::min(left, few_turns);
     if (!w.points.empty())
       result = model.settings.mode == Mode::prescribed
                    ? w.solver.prescribed(w.block, w.shapes, w.points, limits)
@@ -203,10 +208,14 @@ void solve(const Model& model, State& state, const Surface& surface) {
       result.converged = true;
     note_corrections(w, limits, result);
     state.relinearisations += result.relinearisations;
-    limits.max_relinearisations -= result.relinearisations;
+    limits.max_relinearisations = left - result.relinearisations;
     take_loads(model, state);
     travel(model, state, whole && result.by_changes);
     drop_idle_places(model, state);
+    if (!result.converged && add_held_back(model, state)) {
+      if (limits.max_relinearisations <= 0) break;
+      continue;
+    }
     if (!add_swallowed(model, state, surface) && !add_places(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;

@@ -94,10 +94,12 @@ struct StepScratch {
   std::vector<float> foreseen,
       foreseen_moved;  // of all loads, N, and what the points' part does, m; in planes
   double ahead = 0;    // the instruments' motion in this tick as a share of that in the last; 0: not known
-  std::vector<ContactPoint> points;     // may touch in this tick
-  std::vector<Index> point_of;          // [instrument * nodes + node], -1: not among the points
-  std::vector<std::uint8_t> grasped;    // of each node: among the points, in a grip
-  std::vector<Index> candidates;        // nodes that may be near an instrument
+  std::vector<ContactPoint> points;   // may touch in this tick
+  std::vector<Index> point_of;        // [instrument * nodes + node], -1: not among the points
+  std::vector<std::uint8_t> grasped;  // of each node: among the points, in a grip
+  std::vector<Index> candidates;      // nodes that may be near an instrument
+  // Nodes that are near an instrument, and foreseen not to touch it.
+  std::vector<std::pair<Index, std::size_t>> held_back;
   std::vector<Index> near;              // all of this tick, each once
   std::vector<std::uint8_t> is_near;    // of each node: among `near`
   std::vector<Index> wanted;            // rows for the contact block
@@ -194,6 +196,8 @@ bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c);
 bool is_alone(const Model& model, const StepScratch& w, const ContactPoint& c);
 // The nodes with a force in the last tick, and all nodes near an instrument where the surface is now.
 void detect(const Model& model, State& state, const Surface& surface);
+// The nodes that detect() held back become points. True when there were any.
+bool add_held_back(const Model& model, State& state);
 // Prescribed law: the nodes inside at rest, as in the thesis. A node belongs to the first instrument it is
 // in.
 void detect_at_rest(const Model& model, State& state, const Surface& surface);
