@@ -125,94 +125,9 @@ bool is_alone(const Model& model, const StepScratch& w, const ContactPoint& c) {
   return true;
 }
 
-void hold(const Model& model, State& state) {
-  StepScratch& w = *state.scratch;
-  w.wanted.clear();
-  const auto want = [&](Index row) {  // there is no room for twice the same
-    if (row < 0 || w.is_wanted[at(row)] || w.wanted.size() == w.block.capacity()) return;
-    w.is_wanted[at(row)] = 1, w.wanted.push_back(row);
-  };
-  for (const ContactPoint& c : w.points)
-    if (c.triangle < 0)
-      want(c.row);
-    else
-      for (const Index node : model.organ.surface.triangles[at(c.triangle)])
-        want(model.organ.row_of[at(node)]);
-  // These, too, as displacement_before() and travel() ask for them.
-  for (const Loads* loads : {&state.loads, &w.before, &w.earlier})
-    for (std::size_t i = 0; i < loads->count && (loads != &w.earlier || w.places == 0); ++i)
-      want(loads->rows[i]);
-  for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
-  w.block.require(w.compliance_of(model), w.wanted, w.places);
-  for (ContactPoint& c : w.points) {
-    c.slot = c.triangle < 0 ? w.block.slot_of(c.row) : -1;
-    if (c.triangle < 0) continue;
-    std::array<Index, 3> slots;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Index row = model.organ.row_of[at(model.organ.surface.triangles[at(c.triangle)][k])];
-      slots[k] = row < 0 ? -1 : w.block.slot_of(row);
-    }
-    c.slot = w.block.combine(slots, c.weights);
-  }
-  spread(w, state.loads, w.loaded);
-  spread(w, w.before, w.loaded_before);
-  if (w.earlier.u_known) spread(w, w.earlier, w.loaded_earlier);
-}
-
 void forget_near(StepScratch& w) {
   for (const Index node : w.near) w.is_near[at(node)] = 0;
   w.near.clear();
-}
-
-void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread) {
-  const std::span<Index> slots = std::span(spread.slots).first(loads.count);
-  for (std::size_t i = 0; i < loads.count; ++i) slots[i] = w.block.slot_of(loads.rows[i]);
-  spread.loadable = std::all_of(slots.begin(), slots.end(), [&](Index s) { return w.block.is_loadable(s); });
-  if (spread.loadable) w.block.spread(slots, {loads.forces.data(), loads.count}, spread.planes);
-}
-
-namespace {
-
-Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& loads,
-                  const StepScratch::Spread& spread) {
-  const std::size_t n = loads.count;
-  const Index row = model.organ.row_of[at(node)];
-  const Compliance& compliance = w.compliance_of(model);
-  Index slot = w.block.slot_of(row);
-  if (spread.loadable) {
-    if (!w.block.is_loadable(slot)) slot = compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
-    if (slot >= 0) return w.block.displacement(slot, spread.planes);
-  }
-  compliance.block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
-  return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
-}
-
-}  // namespace
-
-void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number) {
-  w.u[at(node)] = u, w.u_number[at(node)] = w.stamp(number);
-}
-
-const Vec3& displacement(const Model& model, State& state, Index node) {
-  StepScratch& w = *state.scratch;
-  if (w.u_number[at(node)] != w.stamp(state.loads.number))
-    found_displacement(w, node, displacement(model, w, node, state.loads, w.loaded), state.loads.number);
-  return w.u[at(node)];
-}
-
-Vec3 displacement_about(const Model& model, State& state, Index node) {
-  StepScratch& w = *state.scratch;
-  const Index row = model.organ.row_of[at(node)];
-  if (w.u_number[at(node)] == w.stamp(state.loads.number) || w.compliance_of(model).mirrors_bits() ||
-      w.block.is_loadable(w.block.slot_of(row)) || !w.loaded.loadable)
-    return displacement(model, state, node);
-  return w.block.displacement(w.block.watch(w.compliance_of(model), row), w.loaded.planes);
-}
-
-Vec3 displacement_before(const Model& model, State& state, Index node) {
-  StepScratch& w = *state.scratch;
-  return state.loads.number == w.before.number ? displacement(model, state, node)
-                                               : displacement(model, w, node, w.before, w.loaded_before);
 }
 
 namespace {
@@ -259,11 +174,12 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
               if (points[node] >= 0) return;
               const auto softness = lipschitz * static_cast<double>(w.softness[at(node)]);
               const Vec3& p = surface.positions[at(node)];
-              double clear = clearance(w, instrument, node), d = clear;
+              const double remembered = clearance(w, instrument, node);
+              double clear = remembered, d = clear;
               if (!(clear > swept)) {
                 if (!shape.may_be_nearer(p, within)) return;
                 d = shape.distance(p), clear = d - softness * drifted;
-                if (surface.loads.u_known && clear > clearance(w, instrument, node))
+                if (surface.loads.u_known && clear > remembered)
                   remember(w, instrument, node, clear, speed_by_last(w, instrument, node));
               }
               if (clear > swept + softness * w.travel.come_at_most) return;
@@ -271,24 +187,6 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
               if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near, drifted))
                 w.candidates.push_back(node);
             });
-}
-
-// displacement_about(), and what the last change of the loads did; with one row of C for both where it can
-// be.
-std::array<Vec3, 2> place_about(const Model& model, State& state, Index node) {
-  StepScratch& w = *state.scratch;
-  const Compliance& compliance = w.compliance_of(model);
-  const Index row = model.organ.row_of[at(node)];
-  Index slot = w.block.slot_of(row);
-  if (w.u_number[at(node)] != w.stamp(state.loads.number) && w.loaded.loadable && w.travel.planes_known) {
-    if (!w.block.is_loadable(slot)) slot = compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
-    if (slot >= 0) {
-      const std::array<Vec3, 2> both = w.block.displacement(slot, w.loaded.planes, w.travel.planes);
-      found_displacement(w, node, both[0], state.loads.number);
-      return both;
-    }
-  }
-  return {displacement_about(model, state, node), last_change_of(model, w, node)};
 }
 
 // Calls found(node, distance, u, change of u in the last tick) for those of `candidates` that are nearer than

@@ -1,5 +1,6 @@
-// What the parts of a tick share: step.cpp (the list), detect.cpp (what may touch), places.cpp (between
-// nodes), modes.cpp (laws without a solver).
+// What the parts of a tick share: step.cpp (the list), detect.cpp (what may touch), displacement.cpp (where
+// nodes are), travel.cpp (how far they may have come), places.cpp (between nodes), predict.cpp (what a tick
+// begins with), grip.cpp, modes.cpp (laws without a solver).
 #pragma once
 
 #include "palpate/contact/clusters.hpp"
@@ -170,22 +171,10 @@ inline Pose normalized(Pose p) {
 
 // Puts the instruments where the outcome says, and remembers how they came there.
 void place(const Model& model, State& state);
-// Gives slots in the contact block to the points and the loads.
-void hold(const Model& model, State& state);
-// The loads as the block takes them now.
-void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread);
 void forget_near(StepScratch& w);
 void add_near(StepScratch& w, Index node);
 // Whether there is room for so many more points; a place counts as three.
 bool has_room(const StepScratch& w, std::size_t more);
-// Of a node that can move, m: under state.loads, which have slots; under the last tick's. Their bits do not
-// depend on what is watched.
-const Vec3& displacement(const Model& model, State& state, Index node);
-Vec3 displacement_before(const Model& model, State& state, Index node);
-// Under state.loads to rounding: enough to tell that a node is far.
-Vec3 displacement_about(const Model& model, State& state, Index node);
-// All of the node's records.
-void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number);
 // Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
 // on its way through this tick.
 bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
@@ -206,6 +195,25 @@ void see_anchored(const Model& model, State& state);
 // were any.
 bool add_swallowed(const Model& model, State& state, const Surface& surface);
 
+// displacement.cpp
+
+// Gives slots in the contact block to the points and the loads.
+void hold(const Model& model, State& state);
+// The loads as the block takes them now.
+void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread);
+// Of a node that can move, m: under state.loads, which have slots; under the last tick's. Their bits do not
+// depend on what is watched.
+const Vec3& displacement(const Model& model, State& state, Index node);
+Vec3 displacement_before(const Model& model, State& state, Index node);
+// Under state.loads to rounding: enough to tell that a node is far.
+Vec3 displacement_about(const Model& model, State& state, Index node);
+// All of the node's records.
+void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number);
+// What the last change of the loads did to the node, m; infinite: not known.
+Vec3 last_change_of(const Model& model, StepScratch& w, Index node);
+// displacement_about() and last_change_of(), with one row of C for both where it can be.
+std::array<Vec3, 2> place_about(const Model& model, State& state, Index node);
+
 // travel.cpp
 
 // sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of `then`.
@@ -219,8 +227,6 @@ void travel(const Model& model, State& state, bool whole);
 // That the node is no nearer to the instrument now, under state.loads, m; speed: how far the last change has
 // moved it, m.
 void remember(StepScratch& w, std::size_t instrument, Index node, double distance, double speed);
-// What the last change of the loads did to the node, m; infinite: not known.
-Vec3 last_change_of(const Model& model, StepScratch& w, Index node);
 // How far that has moved it, from what is remembered, at most, m.
 double speed_by_last(const StepScratch& w, std::size_t instrument, Index node);
 // Of a node from an instrument, under state.loads: the distance is no less, m.

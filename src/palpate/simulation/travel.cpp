@@ -120,14 +120,6 @@ void remember(StepScratch& w, std::size_t instrument, Index node, double distanc
                                                         w.travel.changes, speed};
 }
 
-Vec3 last_change_of(const Model& model, StepScratch& w, Index node) {
-  const Index row = model.organ.row_of[at(node)];
-  Index slot = w.block.slot_of(row);
-  if (w.travel.planes_known && !w.block.is_loadable(slot)) slot = w.block.watch(w.compliance_of(model), row);
-  return w.travel.planes_known && slot >= 0 ? w.block.displacement(slot, w.travel.planes)
-                                            : Vec3(Vec3::Constant(std::numeric_limits<double>::infinity()));
-}
-
 double speed_by_last(const StepScratch& w, std::size_t instrument, Index node) {
   const StepScratch::Clear* clear = looked_at(w, instrument, node);
   const double unknown = std::numeric_limits<double>::infinity();
