@@ -179,18 +179,14 @@ ContactSolver::Step ContactSolver::propose(const ContactBlock& block, std::span<
 // reached_ and gone_ of the points at u_; trial_ for work space.
 void ContactSolver::find_gaps(std::span<const PlacedShape> shapes,
                               std::span<const ContactPoint> points) noexcept {
-  for (std::size_t first = 0, end = 0; first < points.size(); first = end) {
-    const ContactPoint& c = points[first];
-    for (; end < points.size() && points[end].instrument == c.instrument; ++end)
-      trial_[end] = shapes[static_cast<std::size_t>(c.instrument)].own(points[end].rest + u_[end]);
-    const PlacedShape& shape = shapes[static_cast<std::size_t>(c.instrument)];
-    gaps(*shape.shape, std::span(trial_).subspan(first, end - first), std::span(reached_).subspan(first));
-    for (std::size_t i = first; i < end; ++i) {
-      gone_[i] = points[i].path;
-      reached_[i] = points[i].grasped || points[i].triangle >= 0
-                        ? gap_of(shapes, points[i], u_[i])
-                        : gap_by_path(shape, points[i].path, trial_[i], reached_[i], &gone_[i]);
-    }
+  field_gaps(
+      shapes, points, [&](std::size_t i) { return Vec3(points[i].rest + u_[i]); }, trial_, reached_);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ContactPoint& c = points[i];
+    gone_[i] = c.path;
+    reached_[i] = c.grasped || c.triangle >= 0 ? gap_of(shapes, c, u_[i])
+                                               : gap_by_path(shapes[static_cast<std::size_t>(c.instrument)],
+                                                             c.path, trial_[i], reached_[i], &gone_[i]);
   }
 }
 

@@ -54,6 +54,18 @@ inline Gap gap_of(std::span<const PlacedShape> shapes, const ContactPoint& c, co
   if (c.triangle >= 0) return {c.offset + c.tilt * c.facing.dot(u), c.facing, c.tilt};
   return gap_by_path(shapes[static_cast<std::size_t>(c.instrument)], c.path, c.rest + u, gone);
 }
+// Of many points, each at at_of(its number), by the distance fields alone: runs of one instrument at once.
+// own: the points in their instruments' frames.
+template <class Where>
+void field_gaps(std::span<const PlacedShape> shapes, std::span<const ContactPoint> points, Where&& at_of,
+                std::span<Vec3> own, std::span<Gap> out) noexcept {
+  for (std::size_t first = 0, end = 0; first < points.size(); first = end) {
+    const PlacedShape& shape = shapes[static_cast<std::size_t>(points[first].instrument)];
+    for (; end < points.size() && points[end].instrument == points[first].instrument; ++end)
+      own[end] = shape.own(at_of(end));
+    gaps(*shape.shape, own.subspan(first, end - first), out.subspan(first));
+  }
+}
 inline double distance_of(std::span<const PlacedShape> shapes, const ContactPoint& c,
                           const Vec3& u) noexcept {
   return gap_of(shapes, c, u).distance;

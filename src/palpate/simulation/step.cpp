@@ -231,12 +231,8 @@ void report(State& state) {
   state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
-  for (std::size_t i = 0, end = 0; i < w.points.size(); i = end) {
-    const PlacedShape& shape = w.shapes[at(w.points[i].instrument)];
-    for (; end < w.points.size() && w.points[end].instrument == w.points[i].instrument; ++end)
-      w.rest[end] = shape.own(w.points[end].rest);
-    gaps(*shape.shape, std::span(w.rest).subspan(i, end - i), std::span(w.rest_gaps).subspan(i));
-  }
+  field_gaps(
+      w.shapes, w.points, [&](std::size_t i) { return w.points[i].rest; }, w.rest, w.rest_gaps);
   for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
     ContactPoint& p = w.points[i];
     const PlacedShape& shape = w.shapes[at(p.instrument)];
