@@ -10,7 +10,8 @@ PlacedShape::PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept
       to_organ(shape_to_organ),
       to_shape(shape_to_organ.inverse()),
       turn(shape_to_organ.rotation.toRotationMatrix()),
-      finest(palpate::finest(s)) {
+      finest(palpate::finest(s)),
+      band(palpate::band(s)) {
   const Box own = bounding_box(s);
   if (!own.min.allFinite() || !own.max.allFinite()) {
     box = {Vec3::Constant(-std::numeric_limits<double>::infinity()),

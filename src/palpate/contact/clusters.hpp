@@ -19,11 +19,14 @@ struct PlacedShape {
   Mat3 turn;          // of to_organ
   Box box;            // of the solid, organ frame; infinite for a half-space
   double finest = 0;  // palpate::finest(shape), m
+  double band = 0;    // palpate::band(shape), m
 
   PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept;
   // In the shape's frame.
   Vec3 own(const Vec3& p) const noexcept { return turn.transpose() * (p - to_organ.translation); }
   double distance(const Vec3& p) const noexcept { return palpate::distance(*shape, own(p)); }
+  // The same, but no more than the band: changes by no more than lipschitz times the way.
+  double distance_in_band(const Vec3& p) const noexcept { return std::min(distance(p), band); }
   // Whether distance(p) may be below d.
   bool may_be_nearer(const Vec3& p, double d) const noexcept { return distance_bound(*shape, own(p)) < d; }
   Gap gap(const Vec3& p) const noexcept;  // normal in the organ's frame

@@ -122,6 +122,11 @@ void gaps(const Shape& shape, std::span<const Vec3> points, std::span<Gap> out) 
   }
 }
 
+double band(const Shape& shape) noexcept {
+  const auto* lattice = std::get_if<std::shared_ptr<const BandLattice>>(&shape);
+  return lattice ? (*lattice)->band() : std::numeric_limits<double>::infinity();
+}
+
 double finest(const Shape& shape) noexcept { return std::visit(FinestOf{}, shape); }
 
 Box bounding_box(const Shape& shape) noexcept { return std::visit(BoxOf{}, shape); }

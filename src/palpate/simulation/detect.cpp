@@ -2,7 +2,7 @@
 // A tick must know where the nodes near an instrument are now, but not where all are: the whole surface is
 // the work of a Deformer, which may be another thread's and lag behind. Detection starts from the surface it
 // is given, made under forces f0 of some earlier tick, and bounds how far a node can have moved since: with C
-// symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(tr C_ii) sqrt((f - f0).C(f - f0)) (Cauchy,
+// symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(lambda(C_ii)) sqrt((f - f0).C(f - f0)) (Cauchy,
 // Schwarz). What may be near by that bound is placed exactly, by rows of C, summed in an order that does not
 // depend on the bound. So a tick's cost follows the number of contacts, and its bits do not depend on the
 // surface's age.
@@ -179,8 +179,7 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
               if (!(clear > swept)) {
                 if (!shape.may_be_nearer(p, within)) return;
                 d = shape.distance(p), clear = d - softness * drifted;
-                if (surface.loads.u_known && clear > remembered)
-                  remember(w, instrument, node, clear, speed_by_last(w, instrument, node));
+                if (surface.loads.u_known && clear > remembered) remember(w, instrument, node, clear);
               }
               if (clear > swept + softness * w.travel.come_at_most) return;
               add_near(w, node);
@@ -189,32 +188,60 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
             });
 }
 
-// Calls found(node, distance, u, change of u in the last tick) for those of `candidates` that are nearer than
-// `reach`, or passed through. looked_at: where they were before tissue went on its way in this tick, so that
-// its way is off the clearance.
+// Whether the node, displaced by u, is near where it is foreseen to be: as far as an eighth of the ways. Else
+// it is held back, for when nothing goes as foreseen. With friction, grips and places any that is within
+// reach is a point: where it was when it came to touch tells which way it slips. where: u and the change of u
+// in the last tick, and how far these may be off.
+bool may_touch(const Model& model, const State& state, std::size_t instrument, Index node,
+               const Expected& where) {
+  const StepScratch& w = *state.scratch;
+  const auto& [u, change, off, off_change] = where;
+  if (w.ahead == 0 || !w.travel.planes_known || !foreseeable(model, state)) return true;
+  const double ways = w.sweeps[instrument].way + w.ahead * (change.norm() + off_change);
+  const Vec3 ahead = model.organ.contact_points[at(node)] + u + w.ahead * change;
+  return w.shapes[instrument].distance_in_band(ahead) - lipschitz * (off + w.ahead * off_change) <
+         0.125 * ways + 0.02 * w.reach;
+}
+
+// Calls found(node, distance, u) for those of `candidates` that are nearer than `reach`, or passed through,
+// but for those that are held back. looked_at: where they were before tissue went on its way in this tick, so
+// that its way is off the clearance. A node is placed only where what is expected of it leaves open which it
+// is.
 template <class Found>
 void near_now(const Model& model, State& state, std::size_t instrument, std::span<const Index> candidates,
               double reach, bool looked_at, Found&& found) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
   const double swept = std::max(reach, 1.5 * way_through(w, instrument)) + w.tolerance;
+  const auto hold_back = [&](Index node, double least, double most, const Expected& where) {
+    const bool held = least > 0 && most < reach && !may_touch(model, state, instrument, node, where);
+    if (held) w.held_back.push_back({node, instrument});
+    return held;
+  };
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
-    const double way = way_through(w, instrument, come_at_most(w, instrument, node));
+    const double way = way_through(w, instrument, come_at_most(w, node));
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
     if (clearance(w, instrument, node) >= (looked_at ? swept : within)) continue;
-    const auto [about, change] = place_about(model, state, node);
-    double d = shape.distance(model.organ.contact_points[at(node)] + about);
-    remember(w, instrument, node, d, change.norm());
+    const Vec3& rest = model.organ.contact_points[at(node)];
+    const Expected there = expected(w, node);
+    const double about = shape.distance_in_band(rest + there.u), off = lipschitz * there.off;
+    if (about - off >= within || hold_back(node, about - off, about + off, there)) {
+      remember(w, instrument, node, about - off);
+      continue;
+    }
+    const auto [placed, change] = place_about(model, state, node);
+    w.placed[at(node)] = {placed, change, w.travel.changes, w.travel.planes_known};
+    double d = shape.distance(rest + placed);
+    remember(w, instrument, node, d);
     if (d >= within) continue;
     const Vec3& u = displacement(model, state, node);
-    const Vec3 p = model.organ.contact_points[at(node)] + u;
-    if (u != about) d = shape.distance(p);
+    if (u != placed) d = shape.distance(rest + u);
     if (d >= reach && way > 0 && d < 1.5 * way &&
         way_through(w, instrument, (u - displacement_before(model, state, node)).norm()) > 0)
-      d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), p).distance);
-    if (d < reach) found(node, d, u, change);
+      d = std::min(d, gap_by_path(shape, path_of(model, state, instrument, node), rest + u).distance);
+    if (d < reach && !hold_back(node, d, d, {u, change, 0, 0})) found(node, d, u);
   }
 }
 
@@ -222,19 +249,8 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
 // where it does, add_swallowed() finds it, and the tick solves again.
 double reach_of(const StepScratch& w, std::size_t instrument) {
   const Sweep& sweep = w.sweeps[instrument];
-  return sweep.known && sweep.epoch != 0 ? std::min(w.reach, 0.2 * w.reach + 1.2 * sweep.way) : w.reach;
-}
-
-// Whether the node is near where it is foreseen to be: as far as an eighth of the ways. Else it is held back,
-// for when nothing goes as foreseen. With friction, grips and places any that is within reach is a point:
-// where it was when it came to touch tells which way it slips.
-bool may_touch(const Model& model, const State& state, std::size_t instrument, Index node, const Vec3& u,
-               const Vec3& change) {
-  const StepScratch& w = *state.scratch;
-  if (w.ahead == 0 || !change.allFinite() || !foreseeable(model, state)) return true;
-  const double ways = w.sweeps[instrument].way + w.ahead * change.norm();
-  const Vec3 ahead = model.organ.contact_points[at(node)] + u + w.ahead * change;
-  return w.shapes[instrument].distance(ahead) < 0.125 * ways + 0.02 * w.reach;
+  const double most = std::min(w.reach, w.shapes[instrument].band);
+  return sweep.known && sweep.epoch != 0 ? std::min(most, 0.2 * w.reach + 1.2 * sweep.way) : most;
 }
 
 // What the instruments hold: three points a node, before all others.
@@ -324,15 +340,9 @@ void detect(const Model& model, State& state, const Surface& surface) {
     find_candidates(model, state, surface, i, reach, drifted);
     find_faces(model, state, surface, i, drifted);
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
-    near_now(model, state, i, w.candidates, reach, false,
-             [&](Index node, double d, const Vec3& u, const Vec3& change) {
-               if (d > 0 && !may_touch(model, state, i, node, u, change)) {
-                 w.held_back.push_back({node, i});
-                 return;
-               }
-               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
-                 state.status |= too_many_contacts;
-             });
+    near_now(model, state, i, w.candidates, reach, false, [&](Index node, double, const Vec3& u) {
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
+    });
   }
 }
 
@@ -382,14 +392,12 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
     }
     std::vector<Index>& nodes = all_near ? w.near : w.candidates;
     if (!has_room(w, nodes.size())) std::sort(nodes.begin(), nodes.end());  // who gets the last
-    near_now(model, state, i, nodes, -w.tolerance, all_near,
-             [&](Index node, double d, const Vec3& u, const Vec3&) {
-               state.deepest_after = std::max(state.deepest_after, -d);
-               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-                 if (w.point_of[other * s + at(node)] >= 0) return;
-               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
-                 state.status |= too_many_contacts;
-             });
+    near_now(model, state, i, nodes, -w.tolerance, all_near, [&](Index node, double d, const Vec3& u) {
+      state.deepest_after = std::max(state.deepest_after, -d);
+      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+        if (w.point_of[other * s + at(node)] >= 0) return;
+      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
+    });
   }
   // The order of the points decides bits; that of what is near depends on the surface's age.
   const auto added = w.points.begin() + static_cast<std::ptrdiff_t>(before);

@@ -94,6 +94,7 @@ State make_state(const Model& model) {
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
   w.clear.resize(s * instruments);
+  w.placed.resize(s);
   w.begun.resize(s);
   for (std::vector<float>* planes : {&w.travel.planes, &w.foreseen, &w.foreseen_moved})
     planes->resize(3 * w.block.most_plane());
@@ -284,6 +285,7 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   if (!state.loads.u_known) {
     state.loads.count = 0, ++state.loads.number;
     spread(w, state.loads, w.loaded);
+    forget_changes(w.travel);
   }
   switch (model.settings.mode) {
     case Mode::unilateral:

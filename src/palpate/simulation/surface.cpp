@@ -1,5 +1,6 @@
 #include "palpate/simulation/surface.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 
 namespace palpate {
@@ -28,9 +29,11 @@ Surface make_surface(const Organ& organ) {
   std::vector<float> softness(s, 0.0f);
   for (std::size_t r = 0; r < organ.compliance.nodes(); ++r) {
     const auto row = static_cast<Index>(r);
-    std::array<float, 9> c;
-    organ.compliance.block({&row, 1}, c, 3);
-    softness[at(organ.node_of_row[r])] = std::sqrt(std::max(0.0f, c[0] + c[4] + c[8])) * (1 + 1e-4f);
+    Eigen::Matrix3f c;
+    organ.compliance.block({&row, 1}, {c.data(), 9}, 3);
+    const float most =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f>(c, Eigen::EigenvaluesOnly).eigenvalues()[2];
+    softness[at(organ.node_of_row[r])] = std::sqrt(std::max(0.0f, most)) * (1 + 1e-4f);
   }
   Surface surface;
   surface.loads = Loads(s);

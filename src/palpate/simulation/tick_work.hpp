@@ -43,7 +43,7 @@ struct Travel {
   std::vector<float> planes;  // its df as the block takes it
   bool planes_known = false, smooth = false;  // smooth: like the one before, times a factor
   // How far at most all changes after one, and the last of them alone, move a node that this one moved by v:
-  // by |v| along + sqrt(tr C_ii) besides, m and sqrt J.
+  // by v along and sqrt(lambda(C_ii)) besides at most, m and sqrt J.
   struct Way {
     double along = 0, besides = 0;
   };
@@ -116,6 +116,13 @@ struct StepScratch {
     double speed = 0;          // how far that had moved the node, m; infinite: not known
   };
   std::vector<Clear> clear;  // [instrument * nodes + node]
+  // Where each node was when it was last placed, and so where the changes of the loads since lead it.
+  struct Placed {
+    Vec3 u = Vec3::Zero(), change = Vec3::Zero();  // m; by the last change of the loads by then
+    std::uint64_t last = 0;                        // which that was
+    bool known = false;
+  };
+  std::vector<Placed> placed;  // of each node
   Travel travel;
   // Loads as the block takes them.
   struct Spread {
@@ -224,15 +231,21 @@ inline double drift(const Model& model, State& state, const Surface& surface) {
 // After a solve, whose loads are spread: what changed of them adds to what any node may have moved.
 // whole: a tick's first, that the solver alone made.
 void travel(const Model& model, State& state, bool whole);
-// That the node is no nearer to the instrument now, under state.loads, m; speed: how far the last change has
-// moved it, m.
-void remember(StepScratch& w, std::size_t instrument, Index node, double distance, double speed);
-// How far that has moved it, from what is remembered, at most, m.
-double speed_by_last(const StepScratch& w, std::size_t instrument, Index node);
+// Loads that did not come of those before.
+void forget_changes(Travel& travel);
+// That the node is no nearer to the instrument now, under state.loads, m.
+void remember(StepScratch& w, std::size_t instrument, Index node, double distance);
 // Of a node from an instrument, under state.loads: the distance is no less, m.
 double clearance(const StepScratch& w, std::size_t instrument, Index node);
+// Where the node is expected to be under state.loads, from where it was last placed, and how far off that may
+// be at most, m; infinite: not known.
+struct Expected {
+  Vec3 u, change;  // m; by the last change of the loads
+  double off, off_change;
+};
+Expected expected(const StepScratch& w, Index node);
 // How far a node may have come in this tick, m.
-double come_at_most(const StepScratch& w, std::size_t instrument, Index node);
+double come_at_most(const StepScratch& w, Index node);
 
 // places.cpp
 

@@ -1,10 +1,10 @@
 // How far nodes may have moved, and so what an instrument cannot have met. Where C is symmetric positive
-// definite, a change df of the loads moves node i by no more than sqrt(tr C_ii) sqrt(df.C df) (Cauchy,
-// Schwarz). That is ten times too far for a node beside a patch that an instrument drags along, which all
-// goes the same way. But while a motion goes on, the change of a tick is nearly that of the one before, times
-// a factor: df_n = a df_(n-1) + e, a by least squares in the energy. A node that df_(n-1) moved by v (one
-// more product with its row, when it is placed) is moved by no more than |a v| + sqrt(tr C_ii) sqrt(e.C e),
-// and so on from change to change.
+// definite, a change df of the loads moves node i by no more than sqrt(lambda(C_ii)) sqrt(df.C df) (Cauchy,
+// Schwarz); lambda the largest eigenvalue. That is ten times too far for a node beside a patch that an
+// instrument drags along, which all goes the same way. But while a motion goes on, the change of a tick is
+// nearly that of the one before, times a factor: df_n = a df_(n-1) + e, a by least squares in the energy. A
+// node that df_(n-1) moved by v (one more product with its row, when it is placed) is moved by no more than
+// |a v| + sqrt(lambda(C_ii)) sqrt(e.C e), and so on from change to change.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -67,23 +67,22 @@ void travel(const Model& model, State& state, bool whole) {
     if (t.work > 0 && w.loaded_earlier.loadable) {
       subtract(w.block, w.loaded_before, w.loaded_earlier, t.planes);
       before = with(t.planes);
-      way.along = std::abs(before / t.work);
+      way.along = before / t.work;
     }
     subtract(w.block, w.loaded, w.loaded_before, t.planes);
     work = std::max(0.0, with(t.planes));
     come = std::sqrt((1 + hidden_change) * work + beneath);
-    way.besides =
-        std::sqrt(std::max(0.0, work - way.along * std::abs(before)) + hidden_change * work + beneath);
+    way.besides = std::sqrt(std::max(0.0, work - way.along * before) + hidden_change * work + beneath);
   } else {
     come = w.before.u_known ? drift(model, state, w.before) : std::sqrt(state.loads.work());
   }
   // At most as far as from the last tick's loads and back to where the round before had come.
   const double most = come + std::exchange(t.come, come);
-  if (!whole || !(way.along <= most_along)) way = {0, most};
+  if (!whole || !(std::abs(way.along) <= most_along)) way = {0, most};
   t.travelled += most;
   t.work = work, t.planes_known = whole, t.smooth = way.besides <= hardly_besides * come;
   for (Travel::Since& since : t.since) {
-    since.last = {way.along * since.last.along, way.along * since.last.besides + way.besides};
+    since.last = {way.along * since.last.along, std::abs(way.along) * since.last.besides + way.besides};
     since.all.along += since.last.along, since.all.besides += since.last.besides;
   }
   t.since[++t.changes % Travel::remembered] = {};
@@ -92,52 +91,48 @@ void travel(const Model& model, State& state, bool whole) {
   for (Sweep& sweep : w.sweeps) sweep.epoch += sweep.epoch != 0;
 }
 
-namespace {
+void forget_changes(Travel& t) {
+  t.changes += Travel::remembered;
+  t.since[t.changes % Travel::remembered] = {};
+}
 
-// By `way` of the changes since the last time the node was looked at, or by their energy, m.
-double moved_at_most(const StepScratch& w, const StepScratch::Clear& clear, Index node,
-                     Travel::Way Travel::Since::*way, double energy) {
+Expected expected(const StepScratch& w, Index node) {
+  const StepScratch::Placed& placed = w.placed[at(node)];
+  constexpr double unknown = std::numeric_limits<double>::infinity();
+  if (!placed.known || w.travel.changes - placed.last >= Travel::remembered)
+    return {Vec3::Zero(), Vec3::Zero(), unknown, unknown};
   const auto softness = static_cast<double>(w.softness[at(node)]);
-  if (w.travel.changes - clear.change >= Travel::remembered) return softness * energy;
-  const Travel::Way& changes = w.travel.since[clear.change % Travel::remembered].*way;
-  const double known = clear.speed * changes.along + softness * changes.besides;
-  return known < softness * energy ? known : softness * energy;  // known may be no number
+  const Travel::Since& since = w.travel.since[placed.last % Travel::remembered];
+  return {placed.u + since.all.along * placed.change, since.last.along * placed.change,
+          softness * since.all.besides, softness * since.last.besides};
 }
 
-const StepScratch::Clear* looked_at(const StepScratch& w, std::size_t instrument, Index node) {
-  const StepScratch::Clear& clear = w.clear[instrument * w.softness.size() + at(node)];
-  return clear.epoch != 0 && clear.epoch == w.sweeps[instrument].epoch ? &clear : nullptr;
+double come_at_most(const StepScratch& w, Index node) {
+  const Expected there = expected(w, node);
+  const double come = static_cast<double>(w.softness[at(node)]) * w.travel.come;
+  return w.round > 0 ? come : std::min(come, there.change.norm() + there.off_change);
 }
 
-}  // namespace
-
-// What a narrow band says beyond itself jumps.
-void remember(StepScratch& w, std::size_t instrument, Index node, double distance, double speed) {
-  const auto* band = std::get_if<std::shared_ptr<const BandLattice>>(w.shapes[instrument].shape);
-  if (band) distance = std::min(distance, (*band)->band());
-  w.clear[instrument * w.softness.size() + at(node)] = {distance + lipschitz * w.sweeps[instrument].gone,
-                                                        w.sweeps[instrument].epoch, w.travel.travelled,
-                                                        w.travel.changes, speed};
-}
-
-double speed_by_last(const StepScratch& w, std::size_t instrument, Index node) {
-  const StepScratch::Clear* clear = looked_at(w, instrument, node);
-  const double unknown = std::numeric_limits<double>::infinity();
-  return clear ? moved_at_most(w, *clear, node, &Travel::Since::last, unknown) : unknown;
+void remember(StepScratch& w, std::size_t instrument, Index node, double distance) {
+  const Expected there = expected(w, node);
+  const Sweep& sweep = w.sweeps[instrument];
+  w.clear[instrument * w.softness.size() + at(node)] = {
+      std::min(distance, w.shapes[instrument].band) + lipschitz * sweep.gone, sweep.epoch, w.travel.travelled,
+      w.travel.changes, there.change.norm() + there.off_change};
 }
 
 double clearance(const StepScratch& w, std::size_t instrument, Index node) {
-  const StepScratch::Clear* clear = looked_at(w, instrument, node);
-  if (!clear) return -std::numeric_limits<double>::infinity();
-  const double moved =
-      moved_at_most(w, *clear, node, &Travel::Since::all, w.travel.travelled - clear->travelled);
-  return clear->distance - lipschitz * (moved + w.sweeps[instrument].gone);
-}
-
-double come_at_most(const StepScratch& w, std::size_t instrument, Index node) {
-  const StepScratch::Clear* clear = looked_at(w, instrument, node);
-  if (!clear || w.round > 0) return static_cast<double>(w.softness[at(node)]) * w.travel.come;
-  return moved_at_most(w, *clear, node, &Travel::Since::last, w.travel.come);
+  const StepScratch::Clear& clear = w.clear[instrument * w.softness.size() + at(node)];
+  const Sweep& sweep = w.sweeps[instrument];
+  if (clear.epoch == 0 || clear.epoch != sweep.epoch) return -std::numeric_limits<double>::infinity();
+  const auto softness = static_cast<double>(w.softness[at(node)]);
+  double moved = softness * (w.travel.travelled - clear.travelled);
+  if (w.travel.changes - clear.change < Travel::remembered) {
+    const Travel::Way& changes = w.travel.since[clear.change % Travel::remembered].all;
+    const double known = clear.speed * std::abs(changes.along) + softness * changes.besides;
+    if (known < moved) moved = known;  // known may be no number
+  }
+  return clear.distance - lipschitz * (moved + sweep.gone);
 }
 
 }  // namespace palpate

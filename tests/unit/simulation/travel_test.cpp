@@ -26,30 +26,55 @@ class Travelling : public testing::TestWithParam<double> {
   Model model_;
 };
 
-// No node is nearer than what is remembered says, and where the motion is smooth, the bound is mostly less
-// than that of the energy alone (this few nodes leave two thirds and half of it).
+// No node is nearer than what is remembered says.
 TEST_P(Travelling, NoNodeIsNearerThanRemembered) {
   State state = make_state(model_);
   const StepScratch& w = *state.scratch;
   Surface lagging = state.surface, now = state.surface;
   Deformer deformer(model_.organ);
-  std::size_t known = 0, tight = 0, smooth = 0;
+  std::size_t smooth = 0;
   for (int k = 0; k < 300; ++k) {
     tick(model_, state, palpate::at(dragged(k)), lagging);
     if (k % 17 == 0) deformer(model_.organ, state.loads, lagging);
     deformer(model_.organ, state.loads, now);
-    for (const Index node : model_.organ.node_of_row) {
+    for (const Index node : model_.organ.node_of_row)
       ASSERT_LE(clearance(w, 0, node), distance_now(state, now, node) + 2e-7) << k << ' ' << node;
-      const StepScratch::Clear& clear = w.clear[at(node)];
-      if (k < 50 || !w.travel.smooth || w.travel.changes - clear.change > 3 || clear.speed > 1) continue;
-      ++known;
-      const double energy = static_cast<double>(w.softness[at(node)]) * w.travel.come;
-      tight += speed_by_last(w, 0, node) < 0.6 * energy;
-    }
     smooth += w.travel.smooth;
   }
   EXPECT_GT(smooth, 150u);
-  EXPECT_GT(known, 300u);
+}
+
+// Nodes are where they are expected to be, and went there as expected, to what may be off; also when other
+// loads have been put in place of those the motion led to. Most of those placed a few ticks ago in a smooth
+// motion are so to a fifth of what the energy alone allows.
+TEST_P(Travelling, NodesAreWhereExpected) {
+  State state = make_state(model_);
+  const StepScratch& w = *state.scratch;
+  Surface lagging = state.surface, now = state.surface, before = state.surface;
+  Deformer deformer(model_.organ);
+  std::size_t known = 0, tight = 0;
+  for (int k = 0; k < 300; ++k) {
+    model_.settings.mode = k % 100 == 99 ? Mode::gaussian : Mode::unilateral;
+    const Vec3 away = k % 100 < 5 ? Vec3(0, 0, 0.02) : Vec3(Vec3::Zero());
+    tick(model_, state, palpate::at(dragged(k) + away), lagging);
+    if (k % 17 == 0) deformer(model_.organ, state.loads, lagging);
+    std::swap(before, now);
+    deformer(model_.organ, state.loads, now);
+    for (const Index node : model_.organ.node_of_row) {
+      const Expected there = expected(w, node);
+      if (!std::isfinite(there.off) || model_.settings.mode != Mode::unilateral) continue;
+      const Vec3 u = now.displacement[at(node)].cast<double>();
+      const Vec3 change = u - before.displacement[at(node)].cast<double>();
+      ASSERT_LE((there.u - u).norm(), there.off + 2e-7) << k << ' ' << node;
+      if (k % 100 > 0) {
+        ASSERT_LE((there.change - change).norm(), there.off_change + 2e-7) << k << ' ' << node;
+      }
+      if (k % 100 < 20 || !w.travel.smooth || w.travel.changes - w.placed[at(node)].last > 3) continue;
+      ++known;
+      tight += there.off < 0.2 * static_cast<double>(w.softness[at(node)]) * w.travel.come;
+    }
+  }
+  EXPECT_GT(known, 150u);
   EXPECT_GT(tight, known * 3 / 5);
 }
 
