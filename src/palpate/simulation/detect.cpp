@@ -19,6 +19,8 @@ namespace {
 
 // Of the last tick's motion: farther on nothing is foreseen, nor when it turns back.
 constexpr double most_ahead = 1.2;
+// Of finest(shape): as deep as that a point's proxy is where its normal leads.
+constexpr double hardly_off = 1e-2;
 
 // Corners of the shape's box; of one without an end a cube of 10 cm.
 std::array<Vec3, 8> corners_of(const Shape& shape) {
@@ -278,6 +280,17 @@ void add_grasped(const Model& model, State& state) {
   }
 }
 
+// How the point of a contact of the last tick came near its instrument.
+Path path_of(const State& state, const Contact& c) {
+  const StepScratch& w = *state.scratch;
+  const PlacedShape& shape = w.shapes[at(c.instrument)];
+  if (!w.sweeps[at(c.instrument)].known) return {};
+  const auto k = static_cast<std::size_t>(&c - state.contacts.data());
+  // As the solver left it, where it left it on the surface.
+  const bool known = k < w.paths.size() && w.paths[k].known && w.paths[k].from == c.from;
+  return known && c.gap_after > -hardly_off * shape.finest ? w.paths[k] : path_from(shape, c.from);
+}
+
 // Whether a contact of the last tick is a place, and not all its nodes are in grips.
 bool is_place(const Model& model, const StepScratch& w, const Contact& c) {
   if (at(c.triangle) >= w.faces.faces.size()) return false;
@@ -319,7 +332,7 @@ void detect(const Model& model, State& state, const Surface& surface) {
     if (c.triangle < 0 && w.grasped[at(c.node)]) --lost;  // the grip has its force
     if (c.triangle < 0 ? w.grasped[at(c.node)] : !is_place(model, w, c)) continue;
     const std::size_t i = at(c.instrument);
-    const Path path = w.sweeps[i].known ? path_from(w.shapes[i], c.from) : Path{};
+    const Path path = path_of(state, c);
     ContactPoint* p = c.triangle < 0 ? add_point(model, w, c.node, i, displacement(model, state, c.node),
                                                  path, c.force_in_organ)
                                      : keep_place(model, state, c, path);

@@ -73,6 +73,7 @@ State make_state(const Model& model) {
   w.earlier_of.assign(organ.compliance.nodes(), -1);
   state.placed.reserve(instruments);
   w.points.reserve(capacity);
+  w.paths.reserve(capacity);
   w.point_of.assign(s * instruments, -1);
   state.grasps.reserve(std::min(capacity / 3, s));
   w.grasped.assign(s, 0);
@@ -230,7 +231,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
 void report(State& state) {
   StepScratch& w = *state.scratch;
   state.deepest_after = std::max(state.deepest_after, w.left);
-  state.contacts.clear();
+  state.contacts.clear(), w.paths.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
   field_gaps(
       w.shapes, w.points, [&](std::size_t i) { return w.points[i].rest; }, w.rest, w.rest_gaps);
@@ -250,7 +251,7 @@ void report(State& state) {
     c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
     c.force_in_organ = force, c.force = state.organ.rotation * force;
     c.point = state.organ * now;
-    state.contacts.push_back(c);
+    state.contacts.push_back(c), w.paths.push_back(p.path);
     state.deepest_before = std::max(state.deepest_before, -c.gap_before);
     Wrench& wrench = state.wrenches[at(p.instrument)];
     const Vec3 arm = c.point - state.instruments[at(p.instrument)].translation;

@@ -96,6 +96,7 @@ struct StepScratch {
       foreseen_moved;  // of all loads, N, and what the points' part does, m; in planes
   double ahead = 0;    // the instruments' motion in this tick as a share of that in the last; 0: not known
   std::vector<ContactPoint> points;   // may touch in this tick
+  std::vector<Path> paths;            // of state.contacts: how their points came to where they are
   std::vector<Index> point_of;        // [instrument * nodes + node], -1: not among the points
   std::vector<std::uint8_t> grasped;  // of each node: among the points, in a grip
   std::vector<Index> candidates;      // nodes that may be near an instrument
