@@ -11,6 +11,8 @@ namespace palpate {
 
 namespace {
 
+constexpr double much_turned = 0.1;  // rad
+
 // out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in
 // planes ld apart.
 PALPATE_CLONES void along_normals(const float* rows, std::size_t plane, std::size_t slots, const float* w,
@@ -69,10 +71,13 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
   for (std::size_t k = 0; k < slots; ++k) {
     slot_[k] = static_cast<Index>(k);
     stale_[k] = compliance_row_[k] != block.row_of(slot_[k]) || compliance_row_[k] < 0;
+    if (stale_[k]) normal_[k].setZero();
   }
   const auto place = [&](std::size_t k, const ContactPoint& c) {
     if (!stale_[k] && (normal_[k] - c.normal).squaredNorm() <= turned * turned) return;
     stale_[k] = 1;
+    // Another row adds no more than its own element.
+    if ((normal_[k] - c.normal).squaredNorm() > much_turned * much_turned) ++norm_;
     const double own = c.normal.dot(block.between(c.slot, c.slot) * c.normal);
     normal_[k] = c.normal, scale_[k] = own > 0 ? 1 / std::sqrt(own) : 1;
   };
@@ -80,7 +85,7 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
     auto k = static_cast<std::size_t>(points[i].slot);
     if (std::exchange(taken_[k], std::uint8_t{1})) {
       k = size_++;
-      slot_[k] = points[i].slot, stale_[k] = 1;
+      slot_[k] = points[i].slot, stale_[k] = 1, normal_[k].setZero();
     }
     row_of_[i] = static_cast<Index>(k);
     place(k, points[i]);
@@ -122,6 +127,8 @@ void NormalCompliance::update(const ContactBlock& block, std::span<const Contact
     if (all || stale_[k]) make_row(block, k, !all);
   for (std::size_t k = 0; k < size_; ++k)  // the squares on the diagonal
     for (std::size_t j = k / lanes * lanes; j < k; ++j) values_[j * ld_ + k] = values_[k * ld_ + j];
+  if ((made_since_ += stale) <= size_ && !all) return;
+  made_since_ = 0;
   std::fill_n(sums_.begin(), size_, 1.0f);
   for (std::size_t k = 0; k < size_; ++k) add_sizes(values_.data() + k * ld_, k, sums_.data(), &sums_[k]);
   norm_ =

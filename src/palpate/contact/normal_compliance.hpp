@@ -33,7 +33,8 @@ class NormalCompliance {
     const std::size_t i = std::max(row_of(p), row_of(q)), j = std::min(row_of(p), row_of(q));
     return values_[i * ld_ + j];
   }
-  // By rows, `ld` apart, as multiply_symmetric() takes them, and no less than the largest eigenvalue.
+  // By rows, `ld` apart, as multiply_symmetric() takes them, and no less than the largest eigenvalue but for
+  // what little turned normals add to it.
   const float* values() const noexcept { return values_.data(); }
   std::size_t ld() const noexcept { return ld_; }
   float norm() const noexcept { return norm_; }
@@ -45,6 +46,7 @@ class NormalCompliance {
   std::size_t ld_, size_ = 0;
   HugeArray<float> values_;
   float norm_ = 0;
+  std::size_t made_since_ = 0;               // rows, since the norm was found
   std::vector<Index> row_of_;                // of each point
   std::vector<Index> slot_;                  // of each row
   std::vector<Index> compliance_row_;        // that the slot had when the row was made

@@ -300,13 +300,14 @@ PALPATE_CLONES void splines_inside(const float* values, const std::int32_t* n, c
                                    const double* origin, double h, std::span<const Vec3> points,
                                    LatticeSample* out) noexcept {
   using Floats [[gnu::vector_size(16)]] = float;
+  const double per_h = 1 / h;
   const auto row = static_cast<std::size_t>(stored[2]), sheet = row * static_cast<std::size_t>(stored[1]);
   for (std::size_t i = 0; i < points.size(); ++i) {
     double w[3][3], dw[3][3];
     std::size_t middle[3];
     bool inside = true;
     for (int a = 0; a < 3; ++a) {
-      const double x = (points[i].data()[a] - origin[a]) / h;
+      const double x = (points[i].data()[a] - origin[a]) * per_h;
       inside = inside && x >= 0.5 && x < n[a] - (a == 2 ? 2.5 : 1.5);
       const auto m = static_cast<std::int32_t>(inside ? x + 0.5 : 1.0);
       middle[a] = static_cast<std::size_t>(m);
@@ -333,9 +334,9 @@ PALPATE_CLONES void splines_inside(const float* values, const std::int32_t* n, c
     const double *const z = w[2], *const dz = dw[2];
     out[i].distance = (d[0] * z[0] + d[1] * z[1]) + d[2] * z[2];
     double* const g = out[i].gradient.data();
-    g[0] = ((gx[0] * z[0] + gx[1] * z[1]) + gx[2] * z[2]) / h;
-    g[1] = ((gy[0] * z[0] + gy[1] * z[1]) + gy[2] * z[2]) / h;
-    g[2] = ((d[0] * dz[0] + d[1] * dz[1]) + d[2] * dz[2]) / h;
+    g[0] = ((gx[0] * z[0] + gx[1] * z[1]) + gx[2] * z[2]) * per_h;
+    g[1] = ((gy[0] * z[0] + gy[1] * z[1]) + gy[2] * z[2]) * per_h;
+    g[2] = ((d[0] * dz[0] + d[1] * dz[1]) + d[2] * dz[2]) * per_h;
   }
 }
 
