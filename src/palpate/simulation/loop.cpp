@@ -147,6 +147,17 @@ void deform_until_over(std::span<const Model> models, const LoopSettings& settin
   }
 }
 
+// N, on the instrument that is pushed most.
+double largest_force(std::span<const State> states) noexcept {
+  double largest = 0;
+  for (std::size_t i = 0; !states.empty() && i < states[0].wrenches.size(); ++i) {
+    Vec3 force = Vec3::Zero();
+    for (const State& state : states) force += state.wrenches[i].force;
+    largest = std::max(largest, force.norm());
+  }
+  return largest;
+}
+
 void tick_until_over(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
                      const OrgansHooks& hooks, Shared& shared, std::span<Input> inputs,
                      LoopReport& report) noexcept {
@@ -183,6 +194,7 @@ void tick_until_over(std::span<const Model> models, std::span<State> states, con
     report.bad_input += (status & bad_input) != 0;
     report.anchor_touched += (status & anchor_touched) != 0;
     report.contacts_max = std::max(report.contacts_max, contacts);
+    report.peak_force = std::max(report.peak_force, largest_force(states));
     if (contacts > 0) report.contacts_mean += static_cast<double>(contacts), ++in_contact;
   }
   report.seconds = wall.seconds();
@@ -276,6 +288,7 @@ std::string loop_table(const LoopReport& r) {
     out += row("surface", r.surface,
                fmt::format("   {:.0f} a second", static_cast<double>(r.frames) / r.seconds));
   out += fmt::format("  {:<28} {:.0f} / {}\n", "contacts, mean / most", r.contacts_mean, r.contacts_max);
+  out += fmt::format("  {:<28} {:.3f} N\n", "peak force", r.peak_force);
   out += fmt::format("  {:<28} {} of {}\n", "ticks not converged", r.not_converged, r.ticks.wall.count());
   out += fmt::format("  {:<28} {}\n", "precedence of the force loop",
                      r.first_in ? "SCHED_FIFO" : "none (not permitted)");
@@ -307,6 +320,7 @@ std::string loop_json(const LoopReport& r) {
                                 {"seconds", r.seconds},
                                 {"contacts_mean", r.contacts_mean},
                                 {"contacts_max", r.contacts_max},
+                                {"peak_force_N", r.peak_force},
                                 {"not_converged", r.not_converged},
                                 {"too_many_contacts", r.too_many_contacts},
                                 {"bad_input", r.bad_input},

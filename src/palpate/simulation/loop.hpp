@@ -58,6 +58,7 @@ struct LoopReport {
   std::uint64_t frames = 0, contacts_max = 0;  // the latter: in a tick, of all organs
   // Ticks with such a status, of any organ.
   std::uint64_t not_converged = 0, too_many_contacts = 0, bad_input = 0, anchor_touched = 0;
+  double peak_force = 0;            // N, on an instrument, of all organs together
   double largest_strain = 0;        // of the surfaces made
   std::uint64_t beyond_linear = 0;  // surfaces strained by more than linear_strain
   double contacts_mean = 0;

@@ -1,10 +1,10 @@
 // How far nodes may have moved, and so what an instrument cannot have met. Where C is symmetric positive
 // definite, a change df of the loads moves node i by no more than sqrt(lambda(C_ii)) sqrt(df.C df) (Cauchy,
-// Schwarz); lambda the largest eigenvalue. That is ten times too far for a node beside a patch that an
-// instrument drags along, which all goes the same way. But while a motion goes on, the change of a tick is
-// nearly that of the one before, times a factor: df_n = a df_(n-1) + e, a by least squares in the energy. A
-// node that df_(n-1) moved by v (one more product with its row, when it is placed) is moved by no more than
-// |a v| + sqrt(lambda(C_ii)) sqrt(e.C e), and so on from change to change.
+// Schwarz); lambda the largest eigenvalue. That is far too much for a node beside a patch that an instrument
+// drags along, which all goes the same way. But while a motion goes on, the change of a tick is nearly that
+// of the one before, times a factor: df_n = a df_(n-1) + e, a by least squares in the energy. A node that
+// df_(n-1) moved by v (one more product with its row, when it is placed) is moved by a v, and what is off
+// from that is no more than sqrt(lambda(C_ii)) sqrt(e.C e), and so on from change to change.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -47,6 +47,7 @@ TEST_F(LoopOfProgram, PrintsPercentilesAndLeavesASummary) {
   for (const char* key : {"missed", "empty_missed"}) EXPECT_TRUE(summary["loop"].at(key).is_number()) << key;
   EXPECT_GE(summary["loop"]["seconds"].get<double>(), 1.49);
   EXPECT_GT(summary["loop"]["contacts_max"].get<int>(), 4);
+  EXPECT_GT(summary["loop"]["peak_force_N"].get<double>(), 0.05);
   EXPECT_GT(summary["loop"]["frames"].get<int>(), 0);
 }
 

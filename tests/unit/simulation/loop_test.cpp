@@ -49,6 +49,9 @@ TEST(Loop, SameBitsAsStepByStep) {
   EXPECT_EQ(frames, report.frames);
   EXPECT_LE(report.frames, 200 * report.seconds + 2);
   EXPECT_GT(report.contacts_max, 5u);
+  double peak = 0;
+  for (const Vec3& force : forces) peak = std::max(peak, force.norm());
+  EXPECT_EQ(report.peak_force, peak);
   EXPECT_EQ(state.surface.displacement, expected.surface.displacement);
   EXPECT_NE(loop_table(report).find("p99.9"), std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(loop_json(report))["tick_cpu"]["count"], 401);
