@@ -3,9 +3,9 @@
 // the work of a Deformer, which may be another thread's and lag behind. Detection starts from the surface it
 // is given, made under forces f0 of some earlier tick, and bounds how far a node can have moved since: with C
 // symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(lambda(C_ii)) sqrt((f - f0).C(f - f0)) (Cauchy,
-// Schwarz). What may be near by that bound is placed exactly, by rows of C, summed in an order that does not
-// depend on the bound. So a tick's cost follows the number of contacts, and its bits do not depend on the
-// surface's age.
+// Schwarz). What may be near by that bound, and where it was last placed does not tell enough of where it is
+// now (travel.cpp), is placed exactly, by rows of C, summed in an order that does not depend on the bound. So
+// a tick's cost follows the number of contacts, and its bits do not depend on the surface's age.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -181,7 +181,8 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
               if (!(clear > swept)) {
                 if (!shape.may_be_nearer(p, within)) return;
                 d = shape.distance(p), clear = d - softness * drifted;
-                if (surface.loads.u_known && clear > remembered) remember(w, instrument, node, clear);
+                if (surface.loads.u_known && clear > remembered)
+                  remember(w, instrument, node, clear, expected(w, node));
               }
               if (clear > swept + softness * w.travel.come_at_most) return;
               add_near(w, node);
@@ -222,21 +223,21 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   };
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
+    const Expected there = expected(w, node);
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
-    const double way = way_through(w, instrument, come_at_most(w, node));
+    const double way = way_through(w, instrument, come_at_most(w, node, there));
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
     if (clearance(w, instrument, node) >= (looked_at ? swept : within)) continue;
     const Vec3& rest = model.organ.contact_points[at(node)];
-    const Expected there = expected(w, node);
     const double about = shape.distance_in_band(rest + there.u), off = lipschitz * there.off;
     if (about - off >= within || hold_back(node, about - off, about + off, there)) {
-      remember(w, instrument, node, about - off);
+      remember(w, instrument, node, about - off, there);
       continue;
     }
     const auto [placed, change] = place_about(model, state, node);
     w.placed[at(node)] = {placed, change, w.travel.changes, w.travel.planes_known};
     double d = shape.distance(rest + placed);
-    remember(w, instrument, node, d);
+    remember(w, instrument, node, d, {placed, change, 0, 0});
     if (d >= within) continue;
     const Vec3& u = displacement(model, state, node);
     if (u != placed) d = shape.distance(rest + u);

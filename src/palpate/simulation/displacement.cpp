@@ -50,16 +50,20 @@ void spread(StepScratch& w, const Loads& loads, StepScratch::Spread& spread) {
 
 namespace {
 
+// Where the row is kept, or is from now on; -1: nowhere, as the block's would not have the bits of its own.
+Index kept_slot(StepScratch& w, const Compliance& compliance, Index row) {
+  const Index slot = w.block.slot_of(row);
+  if (w.block.is_loadable(slot)) return slot;
+  return compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
+}
+
 Vec3 displacement(const Model& model, StepScratch& w, Index node, const Loads& loads,
                   const StepScratch::Spread& spread) {
   const std::size_t n = loads.count;
   const Index row = model.organ.row_of[at(node)];
   const Compliance& compliance = w.compliance_of(model);
-  Index slot = w.block.slot_of(row);
-  if (spread.loadable) {
-    if (!w.block.is_loadable(slot)) slot = compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
-    if (slot >= 0) return w.block.displacement(slot, spread.planes);
-  }
+  const Index slot = spread.loadable ? kept_slot(w, compliance, row) : -1;
+  if (slot >= 0) return w.block.displacement(slot, spread.planes);
   compliance.block({&row, 1}, {loads.rows.data(), n}, {w.compliance_rows.data(), 9 * n}, 3 * n);
   return ContactBlock::displacement(w.compliance_rows.data(), {loads.forces.data(), n});
 }
@@ -92,6 +96,9 @@ Vec3 displacement_before(const Model& model, State& state, Index node) {
                                                : displacement(model, w, node, w.before, w.loaded_before);
 }
 
+namespace {
+
+// What the last change of the loads did to the node, m; infinite: not known.
 Vec3 last_change_of(const Model& model, StepScratch& w, Index node) {
   const Index row = model.organ.row_of[at(node)];
   Index slot = w.block.slot_of(row);
@@ -100,20 +107,17 @@ Vec3 last_change_of(const Model& model, StepScratch& w, Index node) {
                                             : Vec3(Vec3::Constant(std::numeric_limits<double>::infinity()));
 }
 
+}  // namespace
+
 std::array<Vec3, 2> place_about(const Model& model, State& state, Index node) {
   StepScratch& w = *state.scratch;
-  const Compliance& compliance = w.compliance_of(model);
-  const Index row = model.organ.row_of[at(node)];
-  Index slot = w.block.slot_of(row);
-  if (w.u_number[at(node)] != w.stamp(state.loads.number) && w.loaded.loadable && w.travel.planes_known) {
-    if (!w.block.is_loadable(slot)) slot = compliance.mirrors_bits() ? w.block.watch(compliance, row) : -1;
-    if (slot >= 0) {
-      const std::array<Vec3, 2> both = w.block.displacement(slot, w.loaded.planes, w.travel.planes);
-      found_displacement(w, node, both[0], state.loads.number);
-      return both;
-    }
-  }
-  return {displacement_about(model, state, node), last_change_of(model, w, node)};
+  const bool at_once =
+      w.u_number[at(node)] != w.stamp(state.loads.number) && w.loaded.loadable && w.travel.planes_known;
+  const Index slot = at_once ? kept_slot(w, w.compliance_of(model), model.organ.row_of[at(node)]) : -1;
+  if (slot < 0) return {displacement_about(model, state, node), last_change_of(model, w, node)};
+  const std::array<Vec3, 2> both = w.block.displacement(slot, w.loaded.planes, w.travel.planes);
+  found_displacement(w, node, both[0], state.loads.number);
+  return both;
 }
 
 }  // namespace palpate

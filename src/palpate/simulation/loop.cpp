@@ -147,17 +147,6 @@ void deform_until_over(std::span<const Model> models, const LoopSettings& settin
   }
 }
 
-// N, on the instrument that is pushed most.
-double largest_force(std::span<const State> states) noexcept {
-  double largest = 0;
-  for (std::size_t i = 0; !states.empty() && i < states[0].wrenches.size(); ++i) {
-    Vec3 force = Vec3::Zero();
-    for (const State& state : states) force += state.wrenches[i].force;
-    largest = std::max(largest, force.norm());
-  }
-  return largest;
-}
-
 void tick_until_over(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
                      const OrgansHooks& hooks, Shared& shared, std::span<Input> inputs,
                      LoopReport& report) noexcept {
@@ -194,7 +183,8 @@ void tick_until_over(std::span<const Model> models, std::span<State> states, con
     report.bad_input += (status & bad_input) != 0;
     report.anchor_touched += (status & anchor_touched) != 0;
     report.contacts_max = std::max(report.contacts_max, contacts);
-    report.peak_force = std::max(report.peak_force, largest_force(states));
+    for (std::size_t i = 0; !states.empty() && i < states[0].wrenches.size(); ++i)
+      report.peak_force = std::max(report.peak_force, wrench_of(states, i).force.norm());
     if (contacts > 0) report.contacts_mean += static_cast<double>(contacts), ++in_contact;
   }
   report.seconds = wall.seconds();

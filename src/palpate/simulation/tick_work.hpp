@@ -217,9 +217,8 @@ Vec3 displacement_before(const Model& model, State& state, Index node);
 Vec3 displacement_about(const Model& model, State& state, Index node);
 // All of the node's records.
 void found_displacement(StepScratch& w, Index node, const Vec3& u, std::uint64_t number);
-// What the last change of the loads did to the node, m; infinite: not known.
-Vec3 last_change_of(const Model& model, StepScratch& w, Index node);
-// displacement_about() and last_change_of(), with one row of C for both where it can be.
+// displacement_about(), and what the last change of the loads did to the node, infinite: not known; with one
+// row of C for both where it can be, m.
 std::array<Vec3, 2> place_about(const Model& model, State& state, Index node);
 
 // travel.cpp
@@ -234,10 +233,6 @@ inline double drift(const Model& model, State& state, const Surface& surface) {
 void travel(const Model& model, State& state, bool whole);
 // Loads that did not come of those before.
 void forget_changes(Travel& travel);
-// That the node is no nearer to the instrument now, under state.loads, m.
-void remember(StepScratch& w, std::size_t instrument, Index node, double distance);
-// Of a node from an instrument, under state.loads: the distance is no less, m.
-double clearance(const StepScratch& w, std::size_t instrument, Index node);
 // Where the node is expected to be under state.loads, from where it was last placed, and how far off that may
 // be at most, m; infinite: not known.
 struct Expected {
@@ -246,7 +241,11 @@ struct Expected {
 };
 Expected expected(const StepScratch& w, Index node);
 // How far a node may have come in this tick, m.
-double come_at_most(const StepScratch& w, Index node);
+double come_at_most(const StepScratch& w, Index node, const Expected& there);
+// That the node is no nearer to the instrument now, under state.loads, m.
+void remember(StepScratch& w, std::size_t instrument, Index node, double distance, const Expected& there);
+// Of a node from an instrument, under state.loads: the distance is no less, m.
+double clearance(const StepScratch& w, std::size_t instrument, Index node);
 
 // places.cpp
 

@@ -107,14 +107,12 @@ Expected expected(const StepScratch& w, Index node) {
           softness * since.all.besides, softness * since.last.besides};
 }
 
-double come_at_most(const StepScratch& w, Index node) {
-  const Expected there = expected(w, node);
+double come_at_most(const StepScratch& w, Index node, const Expected& there) {
   const double come = static_cast<double>(w.softness[at(node)]) * w.travel.come;
   return w.round > 0 ? come : std::min(come, there.change.norm() + there.off_change);
 }
 
-void remember(StepScratch& w, std::size_t instrument, Index node, double distance) {
-  const Expected there = expected(w, node);
+void remember(StepScratch& w, std::size_t instrument, Index node, double distance, const Expected& there) {
   const Sweep& sweep = w.sweeps[instrument];
   w.clear[instrument * w.softness.size() + at(node)] = {
       std::min(distance, w.shapes[instrument].band) + lipschitz * sweep.gone, sweep.epoch, w.travel.travelled,
