@@ -124,7 +124,11 @@ void gaps(const Shape& shape, std::span<const Vec3> points, std::span<Gap> out) 
 
 double band(const Shape& shape) noexcept {
   const auto* lattice = std::get_if<std::shared_ptr<const BandLattice>>(&shape);
-  return lattice ? (*lattice)->band() : std::numeric_limits<double>::infinity();
+  if (!lattice) return std::numeric_limits<double>::infinity();
+  // Beyond the band a lattice says no less than that but for rounding, and about its grid takes off what is
+  // not sure there.
+  const double band = (*lattice)->band(), off = std::sqrt(0.5) * (*lattice)->grid().h;
+  return (std::sqrt(band * band + off * off) - off) * (1 - 1e-9);
 }
 
 double finest(const Shape& shape) noexcept { return std::visit(FinestOf{}, shape); }

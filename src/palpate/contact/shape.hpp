@@ -44,7 +44,8 @@ double distance_bound(const Shape& shape, const Vec3& p) noexcept;
 // Half the thickness of the thinnest part that is told apart, m: a way shorter than this goes through
 // nothing. Of a lattice its spacing, infinite for a half-space.
 double finest(const Shape& shape) noexcept;
-// How far off the surface distances are those to it, m; infinite: everywhere.
+// Below this distance() changes by no more than lipschitz times the way, and what jumps is not less, m;
+// infinite: it does not jump.
 double band(const Shape& shape) noexcept;
 // Box about the solid, infinite for a half-space along x, y and -z.
 Box bounding_box(const Shape& shape) noexcept;

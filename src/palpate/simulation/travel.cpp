@@ -24,6 +24,8 @@ constexpr double hidden_change = 5e-4, hidden_beneath = 1e-9;
 constexpr double hardly_besides = 0.2;
 // Farther on or back nothing is told from the change before.
 constexpr double most_along = 4;
+// Of the tolerance: where a node was is said to rounding (place_about()).
+constexpr double rounded_off = 0.01;
 
 double dot(std::span<const float> a, std::span<const float> b, std::size_t plane, std::size_t n) noexcept {
   double sum = 0;
@@ -93,6 +95,7 @@ void travel(const Model& model, State& state, bool whole) {
 
 void forget_changes(Travel& t) {
   t.changes += Travel::remembered;
+  t.work = 0, t.planes_known = t.smooth = false;
   t.since[t.changes % Travel::remembered] = {};
 }
 
@@ -103,8 +106,9 @@ Expected expected(const StepScratch& w, Index node) {
     return {Vec3::Zero(), Vec3::Zero(), unknown, unknown};
   const auto softness = static_cast<double>(w.softness[at(node)]);
   const Travel::Since& since = w.travel.since[placed.last % Travel::remembered];
+  const double rounding = rounded_off * w.tolerance;
   return {placed.u + since.all.along * placed.change, since.last.along * placed.change,
-          softness * since.all.besides, softness * since.last.besides};
+          softness * since.all.besides + rounding, softness * since.last.besides + rounding};
 }
 
 double come_at_most(const StepScratch& w, Index node, const Expected& there) {

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "fixtures.hpp"
+#include "palpate/simulation/tick_work.hpp"
 
 namespace palpate {
 namespace {
@@ -76,6 +77,43 @@ TEST(Remembered, WhatTwoInstrumentsReachIsSeenHoweverOldTheSurface) {
       }
     }
     EXPECT_GT(touched, 200u);
+  }
+}
+
+// At the rim of a narrow band, and about the grid, distances jump: what they say there must not decide which
+// nodes are points.
+TEST(Remembered, WhichNodesArePointsIsTheSameHoweverOldTheSurface) {
+  const TriangleMesh bar = make_box({Vec3(-0.02, -0.004, -0.003), Vec3(0.02, 0.004, 0.003)});
+  const auto narrow = std::make_shared<const BandLattice>(sample_band(
+      SignedDistanceField(bar), make_grid_spaced(bounding_box(bar.vertices), 0.8e-3, 8.8e-3), 0.8e-3));
+  struct Case {
+    int nodes, first, last, lag;
+    double friction;
+  };
+  for (const Case& c : {Case{16, 600, 760, 13, 0.0}, Case{12, 1330, 1400, 7, 0.3}}) {
+    Model model = block_model(c.nodes, Shape(narrow));
+    model.settings.friction = c.friction;
+    State state = make_state(model), late = make_state(model);
+    Surface old = late.surface;
+    Deformer deformer(model.organ);
+    const auto points_of = [](const State& s) {
+      std::vector<std::pair<Index, Index>> points;
+      for (const ContactPoint& p : s.scratch->points) points.push_back({p.instrument, p.node});
+      return points;
+    };
+    std::size_t points = 0;
+    for (int k = c.first; k < c.last; ++k) {
+      const double t = 0.1 * k;
+      const Input input =
+          at(Vec3(0.02 * std::sin(t), 0.015 * std::sin(1.7 * t), 0.104 + 0.004 * std::cos(2.3 * t)),
+             Eigen::Quaterniond(Eigen::AngleAxisd(0.5 * std::sin(2 * t), Vec3::UnitX())));
+      step(model, state, input);
+      tick(model, late, input, old);
+      if (k % c.lag == 0) deformer(model.organ, late.loads, old);
+      ASSERT_EQ(points_of(state), points_of(late)) << c.nodes << ' ' << k;
+      points += state.scratch->points.size();
+    }
+    EXPECT_GT(points, 100u);
   }
 }
 
