@@ -12,6 +12,8 @@ namespace palpate {
 namespace {
 
 constexpr double much_turned = 0.1;  // rad
+// Of the norm, by what rows may add: it makes steps shorter.
+constexpr float hardly_grown = 1.25f;
 
 // out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in
 // planes ld apart.
@@ -127,11 +129,12 @@ void NormalCompliance::update(const ContactBlock& block, std::span<const Contact
     if (all || stale_[k]) make_row(block, k, !all);
   for (std::size_t k = 0; k < size_; ++k)  // the squares on the diagonal
     for (std::size_t j = k / lanes * lanes; j < k; ++j) values_[j * ld_ + k] = values_[k * ld_ + j];
-  if ((made_since_ += stale) <= size_ && !all) return;
+  made_since_ += stale;
+  if (made_since_ <= size_ && !all && norm_ <= hardly_grown * found_norm_) return;
   made_since_ = 0;
   std::fill_n(sums_.begin(), size_, 1.0f);
   for (std::size_t k = 0; k < size_; ++k) add_sizes(values_.data() + k * ld_, k, sums_.data(), &sums_[k]);
-  norm_ =
+  norm_ = found_norm_ =
       size_ > 0 ? *std::max_element(sums_.begin(), sums_.begin() + static_cast<std::ptrdiff_t>(size_)) : 0;
 }
 

@@ -45,7 +45,7 @@ class NormalCompliance {
 
   std::size_t ld_, size_ = 0;
   HugeArray<float> values_;
-  float norm_ = 0;
+  float norm_ = 0, found_norm_ = 0;
   std::size_t made_since_ = 0;               // rows, since the norm was found
   std::vector<Index> row_of_;                // of each point
   std::vector<Index> slot_;                  // of each row
