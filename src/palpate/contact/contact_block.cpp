@@ -99,9 +99,12 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_
       row_of_slot_(first_watched_ + watched, -1),
       wanted_(first_watched_, 0),
       filled_(first_watched_, 0),
+      slot_of_fill_(first_watched_, -1),
       known_(watched),
       added_(capacity),
-      rows_(std::max(capacity, at_once)) {
+      since_(capacity),
+      rows_(std::max(capacity, at_once)),
+      taken_(capacity) {
   std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
   std::fill_n(watched_values_.data(), watched_values_.size(), 0.0f);
 }
@@ -199,6 +202,7 @@ void ContactBlock::fill(std::size_t slot, Index row) noexcept {
   row_of_slot_[slot] = row;
   slot_of_row_[static_cast<std::size_t>(row)] = static_cast<Index>(slot);
   filled_[slot] = ++fills_;
+  slot_of_fill_[fills_ % slot_of_fill_.size()] = static_cast<Index>(slot);
 }
 
 // A loadable slot's row and column.
@@ -278,26 +282,59 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
       slot_of_row_[static_cast<std::size_t>(before)] = -1;
   }
   const auto slot = static_cast<std::size_t>(own);
-  float* const row = watched_values_.data() + watched_at(slot);
   Known& known = known_[slot - first_watched_];
   known.asked = true;
   if (is_new) known = {0, plane_, true};
+  update_watched(compliance, slot, watched);
+  return own;
+}
+
+// Loadable slots filled since then, into since_, and their rows into rows_.
+std::size_t ContactBlock::find_filled_since(std::uint64_t fills) noexcept {
+  std::size_t n = 0;
+  const auto add = [&](std::size_t slot) {
+    since_[n] = static_cast<Index>(slot), rows_[n++] = row_of_slot_[slot];
+  };
+  if (fills_ - fills >= slot_of_fill_.size()) {
+    for (std::size_t k = 0; k < used_; ++k)
+      if (filled_[k] > fills) add(k);
+    return n;
+  }
+  while (fills++ < fills_) {
+    const auto slot = static_cast<std::size_t>(slot_of_fill_[fills % slot_of_fill_.size()]);
+    if (slot < used_ && filled_[slot] == fills) add(slot);  // else it was filled once more, or is gone
+  }
+  return n;
+}
+
+// A watched row's planes as long as the block's now, and what it lacks of the slots filled since.
+void ContactBlock::update_watched(const Compliance& compliance, std::size_t watched, Index of) noexcept {
+  Known& known = known_[watched - first_watched_];
+  float* const row = watched_values_.data() + watched_at(watched);
   if (known.plane != plane_) {
     move_rows(row, known.plane, plane_, 9, std::min({known.plane, plane_, used_}));
     known.plane = plane_;
   }
-  std::size_t n = 0;
-  for (std::size_t k = 0; known.fills != fills_ && k < used_; ++k)
-    if (filled_[k] > known.fills) added_[n] = static_cast<Index>(k), rows_[n++] = row_of_slot_[k];
-  known.fills = fills_;
-  if (n == 0) return own;
-  const std::size_t ld = 3 * n;
-  compliance.block({&watched, 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
+  const std::size_t n = find_filled_since(std::exchange(known.fills, fills_)), ld = 3 * n;
+  if (n == 0) return;
+  compliance.block({&of, 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t b = 0; b < 3; ++b)
-        row[(3 * a + b) * plane_ + static_cast<std::size_t>(added_[j])] = fetched_[a * ld + 3 * j + b];
-  return own;
+        row[(3 * a + b) * plane_ + static_cast<std::size_t>(since_[j])] = fetched_[a * ld + 3 * j + b];
+}
+
+// A new slot's row from the one that was watched, which is at hand: C's are far apart in memory.
+void ContactBlock::take_watched(const Compliance& compliance, std::size_t watched,
+                                std::size_t slot) noexcept {
+  update_watched(compliance, watched, row_of_slot_[slot]);
+  const float* const row = watched_values_.data() + watched_at(watched);
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t b = 0; b < 3; ++b) {
+      const float* const from = row + (3 * a + b) * plane_;
+      std::copy_n(from, used_, values_of(slot, a) + b * plane_);
+      for (std::size_t j = 0; j < used_; ++j) values_of(j, b)[a * plane_ + slot] = from[j];
+    }
 }
 
 Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept {
@@ -327,27 +364,30 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
                            std::size_t combined) noexcept {
   ++calls_;
   combined_ = 0;
-  for (const Index row : rows) {
-    Index& slot = slot_of_row_[static_cast<std::size_t>(row)];
-    if (is_loadable(slot))
-      wanted_[static_cast<std::size_t>(slot)] = calls_;
-    else
-      slot = -1;  // watched so far
-  }
+  for (const Index row : rows)
+    if (const Index slot = slot_of(row); is_loadable(slot)) wanted_[static_cast<std::size_t>(slot)] = calls_;
   // Every product of a solver runs over all slots: idle ones cost more than fetching them again.
   const std::size_t allowed = std::min(capacity_, rows.size() + rows.size() / 64 + 4);
-  std::size_t added = 0;
+  std::size_t added = 0, taken = 0;
   for (const Index row : rows) {
-    if (slot_of(row) >= 0) continue;
+    const Index watched = slot_of(row);
+    if (is_loadable(watched)) continue;
     const Index slot = slot_for(allowed);
     wanted_[static_cast<std::size_t>(slot)] = calls_;
     fill(static_cast<std::size_t>(slot), row);
-    added_[added++] = slot;
+    if (watched >= 0 && compliance.mirrors_bits())
+      taken_[taken++] = {watched, slot};
+    else
+      added_[added++] = slot;
   }
   const std::size_t need = used_ + combined;
   if (need > plane_ || (plane_ > least_plane && need < plane_ / 3))
     widen(std::min(first_watched_, std::max(least_plane, (need + need / 4 + 15) / 16 * 16)));
   fetch(compliance, {added_.data(), added});
+  for (const auto& [watched, slot] : std::span(taken_).first(taken))
+    take_watched(compliance, static_cast<std::size_t>(watched), static_cast<std::size_t>(slot));
+  for (const auto& [watched, slot] : std::span(taken_).first(taken))
+    half_.set(static_cast<std::size_t>(slot), row(slot, 0), plane_, used_);
   shrink(allowed);
 }
 

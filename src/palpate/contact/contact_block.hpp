@@ -67,6 +67,12 @@ class ContactBlock {
   // u += C f over the loadable slots, in float32, f and u in planes; f is zero where there is no force. From
   // half of C, as it is symmetric: what is streamed is the limit.
   void add_product(std::span<const float> f, std::span<float> u) const noexcept;
+  // The same to `off` m, root mean square, from half the bytes; false: not to be had. work: 6 plane()
+  // numbers.
+  bool add_rough_product(std::span<const float> f, float off, std::span<float> u,
+                         std::span<float> work) const noexcept {
+    return half_.add_rough_product(used(), plane_, f, off, u, work);
+  }
   // Slot of a compliance row, -1: not cached.
   Index slot_of(Index row) const noexcept { return slot_of_row_[static_cast<std::size_t>(row)]; }
   bool is_loadable(Index slot) const noexcept {
@@ -97,6 +103,9 @@ class ContactBlock {
   Index slot_for(std::size_t allowed) noexcept;
   std::size_t place_to_watch() noexcept;
   void fill(std::size_t slot, Index row) noexcept;
+  std::size_t find_filled_since(std::uint64_t fills) noexcept;
+  void update_watched(const Compliance& compliance, std::size_t watched, Index row) noexcept;
+  void take_watched(const Compliance& compliance, std::size_t watched, std::size_t slot) noexcept;
   void shrink(std::size_t allowed) noexcept;
   void widen(std::size_t plane) noexcept;
   void move_slot(std::size_t from, std::size_t to) noexcept;
@@ -113,13 +122,16 @@ class ContactBlock {
   std::vector<Index> row_of_slot_;     // its inverse
   std::vector<std::uint64_t> wanted_;  // of each loadable slot: the last call that wanted it
   std::vector<std::uint64_t> filled_;  // of each loadable slot: which of the fills put its row there
+  std::vector<Index> slot_of_fill_;    // of the last fills, as many as there may be loadable slots
   struct Known {
     std::uint64_t fills = 0;  // that its row knows
     std::size_t plane = 0;    // how long its planes are
     bool asked = false;       // for since the last time round
   };
-  std::vector<Known> known_;         // of each watched slot
-  std::vector<Index> added_, rows_;  // work space
+  std::vector<Known> known_;  // of each watched slot
+  // Work space.
+  std::vector<Index> added_, since_, rows_;
+  std::vector<std::pair<Index, Index>> taken_;  // watched slots, and the loadable ones they become
 };
 
 }  // namespace palpate

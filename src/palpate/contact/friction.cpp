@@ -31,6 +31,7 @@ constexpr int most_products = 12;     // of a step for friction
 constexpr double reduced = 0.3;       // of its residual, by which it is reduced
 constexpr double stiffest = 1e-4;     // way of a step, of what each point alone would give: less is rounding
 constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
+constexpr double rough_share = 0.01;  // of the tolerance: what a product may be off
 constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
 constexpr double loose = 0.01;        // and of what the gaps are off before
 constexpr double settled = 1e-3;      // of the sum of the pressures: change of all friction in a sweep
@@ -73,10 +74,17 @@ void ContactSolver::change_force(const ContactBlock& block, const ContactPoint& 
   pending_ = true;
 }
 
+// Corrections are so small that half the bytes of C are enough for them.
+void ContactSolver::add_product(const ContactBlock& block, std::span<const float> forces,
+                                std::span<float> moved) noexcept {
+  if (!block.add_rough_product(forces, static_cast<float>(rough_), moved, rough_work_))
+    block.add_product(forces, moved);
+}
+
 // What changed of the forces moves all slots.
 void ContactSolver::move(const ContactBlock& block) noexcept {
   if (!pending_) return;
-  block.add_product(forces_, moved_);
+  add_product(block, forces_, moved_);
   clear(block, forces_);
   pending_ = false;
 }
@@ -154,7 +162,7 @@ void ContactSolver::descend(const ContactBlock& block, std::span<const ContactPo
     clear(block, tried_), clear(block, product_of_);
     for (std::size_t i = 0; i < m; ++i)
       if (weight_[i] > 0) add_in_planes(block, points[i].slot, search_[i], tried_);
-    block.add_product(tried_, product_of_);
+    add_product(block, tried_, product_of_);
     double bent = 0, alone = 0;  // alone: were every point's compliance its own
     for (std::size_t i = 0; i < m; ++i) {
       if (weight_[i] == 0) continue;
@@ -280,6 +288,7 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
   SolveResult result;
   const std::size_t m = points.size();
   clear(block, moved_), clear(block, forces_), pending_ = false;
+  rough_ = rough_share * limits.tolerance;
   const bool moved = mu == 0 && !limits.foreseen_moved.empty();  // already, by what is foreseen
   if (moved) add_share(block, 1, limits.foreseen_moved, moved_);
   for (std::size_t i = 0; i < m; ++i) {

@@ -11,7 +11,8 @@ namespace palpate {
 
 namespace {
 
-constexpr double much_turned = 0.1;  // rad
+constexpr double much_turned = 0.1;     // rad
+constexpr double inverse_turned = 0.2;  // of a preconditioner's row, rad: it is no worse
 // Of the norm, by what rows may add: it makes steps shorter.
 constexpr float hardly_grown = 1.25f;
 
@@ -58,7 +59,10 @@ NormalCompliance::NormalCompliance(std::size_t most_plane, std::size_t points)
       stale_(ld_),
       taken_(ld_),
       made_(ld_),
-      sums_(ld_) {
+      sums_(ld_),
+      inverse_(ld_),
+      inverse_of_(ld_, -1),
+      inverse_normal_(ld_, Vec3::Zero()) {
   std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
 }
 
@@ -119,6 +123,23 @@ void NormalCompliance::make_row(const ContactBlock& block, std::size_t k, bool w
   for (std::size_t j = k + 1; whole && j < size_; ++j) values_[j * ld_ + k] = made_[j];
 }
 
+// Rows of new points and of those that turned, and whatever has them for columns.
+void NormalCompliance::renew_inverse() noexcept {
+  bool any = false;
+  for (std::size_t k = 0; k < size_; ++k) {
+    const bool is_new = compliance_row_[k] < 0 || inverse_of_[k] != compliance_row_[k] ||
+                        (inverse_normal_[k] - normal_[k]).squaredNorm() > inverse_turned * inverse_turned;
+    stale_[k] = is_new, any = any || is_new;
+    if (is_new) inverse_of_[k] = compliance_row_[k], inverse_normal_[k] = normal_[k];
+  }
+  for (std::size_t k = 0; any && k < size_; ++k) {
+    const auto columns = inverse_.columns(k);
+    if (stale_[k] || std::any_of(columns.begin(), columns.end(),
+                                 [&](Index j) { return stale_[static_cast<std::size_t>(j)]; }))
+      inverse_.set(values_.data(), ld_, k);
+  }
+}
+
 void NormalCompliance::update(const ContactBlock& block, std::span<const ContactPoint> points,
                               double turned) noexcept {
   find_rows(block, points, turned);
@@ -129,6 +150,7 @@ void NormalCompliance::update(const ContactBlock& block, std::span<const Contact
     if (all || stale_[k]) make_row(block, k, !all);
   for (std::size_t k = 0; k < size_; ++k)  // the squares on the diagonal
     for (std::size_t j = k / lanes * lanes; j < k; ++j) values_[j * ld_ + k] = values_[k * ld_ + j];
+  renew_inverse();
   made_since_ += stale;
   if (made_since_ <= size_ && !all && norm_ <= hardly_grown * found_norm_) return;
   made_since_ = 0;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/contact/contact_block.hpp"
+#include "palpate/contact/sparse_inverse.hpp"
 
 namespace palpate {
 
@@ -38,9 +39,12 @@ class NormalCompliance {
   const float* values() const noexcept { return values_.data(); }
   std::size_t ld() const noexcept { return ld_; }
   float norm() const noexcept { return norm_; }
+  // About its inverse.
+  const SparseInverse& inverse() const noexcept { return inverse_; }
 
  private:
   void find_rows(const ContactBlock& block, std::span<const ContactPoint> points, double turned) noexcept;
+  void renew_inverse() noexcept;
   void make_row(const ContactBlock& block, std::size_t row, bool whole) noexcept;
 
   std::size_t ld_, size_ = 0;
@@ -55,6 +59,9 @@ class NormalCompliance {
   std::vector<float> normals_;               // scaled, in planes ld_ apart
   std::vector<std::uint8_t> stale_, taken_;  // of each row
   std::vector<float> made_, sums_;
+  SparseInverse inverse_;
+  std::vector<Index> inverse_of_;     // of each of its rows: the compliance row,
+  std::vector<Vec3> inverse_normal_;  // and the normal it was made with
 };
 
 }  // namespace palpate

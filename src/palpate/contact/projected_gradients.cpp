@@ -51,24 +51,32 @@ PALPATE_CLONES void multiply_symmetric(const float* a, std::size_t n, std::size_
 }
 
 PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size_t ld, float norm,
-                                        std::span<const float> b, std::span<const float> lower,
-                                        std::span<const float> within, std::span<float> x,
-                                        const GradientWork& work, int most) noexcept {
+                                        const SparseInverse& inverse, std::span<const float> b,
+                                        std::span<const float> lower, std::span<const float> within,
+                                        std::span<float> x, const GradientWork& work, int most) noexcept {
   // Whole ways; what is beyond n stays zero.
   const std::size_t end = (n + ways - 1) / ways * ways;
   float* const __restrict g = work.gradient.data(), * const __restrict d = work.way.data();
   float* const __restrict ad = work.product.data(), * const __restrict y = x.data();
   const float* const __restrict low = lower.data(), * const __restrict near = within.data();
+  float* const __restrict r = work.free.data(), * const __restrict z = work.downhill.data();
   const float step = 1.8f / norm;
   int products = 0;
   const auto gradient = [&] {
     multiply_symmetric(a, n, ld, y, g), ++products;
     for (std::size_t i = 0; i < n; ++i) g[i] += b[i];
   };
-  std::fill(y + n, y + end, 0.0f);
+  // z: the way down on the free entries.
+  const auto look_down = [&] {
+    for (std::size_t i = 0; i < end; ++i) r[i] = y[i] > low[i] ? g[i] : 0.0f;
+    inverse.apply(n, r, z);
+    for (std::size_t i = 0; i < end; ++i) z[i] = y[i] > low[i] ? z[i] : 0.0f;
+  };
+  std::fill(y + n, y + end, 0.0f), std::fill(z + n, z + end, 0.0f);
   std::copy_n(b.data(), n, g), std::fill(g + n, g + end, 0.0f);
   if (std::any_of(y, y + n, [](float v) { return v != 0; })) gradient();
-  for (std::size_t i = 0; i < end; ++i) d[i] = y[i] > low[i] ? g[i] : 0.0f;
+  look_down();
+  std::copy_n(z, end, d);
   while (products < most) {
     float reduced[ways] = {}, chopped[ways] = {};
     std::int32_t wrong[ways] = {};
@@ -109,14 +117,15 @@ PALPATE_CLONES int minimise_over_bounds(const float* a, std::size_t n, std::size
       for (std::size_t i = 0; i < end; ++i)
         y[i] = std::max(low[i], y[i] - (y[i] > low[i] ? step * g[i] : 0.0f));
       gradient();
-    } else if (!release) {
+    }
+    look_down();
+    if (!blocked && !release) {
       float turn[ways] = {};
       for (std::size_t k = 0; k < end; k += ways)
-        for (std::size_t l = 0; l < ways; ++l)
-          turn[l] += (y[k + l] > low[k + l] ? g[k + l] : 0.0f) * ad[k + l];
+        for (std::size_t l = 0; l < ways; ++l) turn[l] += z[k + l] * ad[k + l];
       back = sum_of(turn) / bent;
     }
-    for (std::size_t i = 0; i < end; ++i) d[i] = (y[i] > low[i] ? g[i] : 0.0f) - back * d[i];
+    for (std::size_t i = 0; i < end; ++i) d[i] = z[i] - back * d[i];
   }
   return -1;
 }

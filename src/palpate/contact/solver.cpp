@@ -28,6 +28,8 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t nodes, std::size_
       gradient_(base_gradient_.size()),
       way_(base_gradient_.size()),
       product_(base_gradient_.size()),
+      free_(base_gradient_.size()),
+      downhill_(base_gradient_.size()),
       lower_(base_gradient_.size()),
       within_(base_gradient_.size()),
       change_(base_gradient_.size()),
@@ -44,6 +46,7 @@ ContactSolver::ContactSolver(std::size_t capacity, std::size_t nodes, std::size_
       forces_(3 * plane),
       tried_(3 * plane),
       product_of_(3 * plane),
+      rough_work_(6 * plane),
       own_(capacity),
       weight_(capacity),
       curve_(capacity),
@@ -92,10 +95,10 @@ bool ContactSolver::find_pressures(std::span<const ContactPoint> points, double 
     within_[k] = static_cast<float>(std::min(scale * tolerance, never_more / scale));
     change_[k] = points[i].grasped ? 0.0f : std::max(0.0f, lower_[k]);
   }
-  const bool solved =
-      minimise_over_bounds(normals_.values(), n, normals_.ld(), normals_.norm(), base_gradient_, lower_,
-                           within_, change_, {gradient_, way_, product_}) >= 0 ||
-      pivot(points);
+  const bool solved = minimise_over_bounds(normals_.values(), n, normals_.ld(), normals_.norm(),
+                                           normals_.inverse(), base_gradient_, lower_, within_, change_,
+                                           {gradient_, way_, product_, free_, downhill_}) >= 0 ||
+                      pivot(points);
   for (std::size_t i = 0; i < m; ++i) {
     const std::size_t k = normals_.row_of(i);
     pressure_[i] =

@@ -164,6 +164,7 @@ class ContactSolver {
   Vec3 reached_by(const ContactBlock& block, const ContactPoint& c, std::size_t i) const noexcept;
   Vec3 slip_of(const ContactPoint& c, const Vec3& u) const noexcept;
   void change_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
+  void add_product(const ContactBlock& block, std::span<const float> forces, std::span<float> moved) noexcept;
   void move(const ContactBlock& block) noexcept;
   void put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
                       bool first) noexcept;
@@ -183,7 +184,8 @@ class ContactSolver {
 
   std::size_t capacity_;
   NormalCompliance normals_;
-  std::vector<float> base_gradient_, gradient_, way_, product_, lower_, within_, change_;  // of its rows
+  std::vector<float> base_gradient_, gradient_, way_, product_, free_, downhill_, lower_, within_,
+      change_;                          // of its rows
   std::vector<double> gap_;             // of each point at its pressure so far, linearised, times its scale
   std::vector<double> start_;           // and these pressures, N
   std::vector<double> without_;         // gaps without any pressure, times the scales
@@ -196,6 +198,8 @@ class ContactSolver {
   // Of all slots, in planes: changes of forces that moved_ has not seen yet, N; a step for friction, N, and
   // what it does, m.
   std::vector<float> forces_, tried_, product_of_;
+  std::vector<float> rough_work_;
+  double rough_ = 0;  // m: what a product may be off
   bool pending_ = false;
   bool pulls_ = false;                        // forces that pull are left to the pressures
   std::vector<double> own_, weight_, curve_;  // of each point, see rub()

@@ -1,6 +1,7 @@
 #include "palpate/contact/symmetric_half.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "palpate/base/clones.hpp"
 #include "palpate/contact/lanes.hpp"
@@ -58,13 +59,96 @@ PALPATE_CLONES void multiply(const float* v, std::size_t plane, std::size_t n, c
   }
 }
 
+// A word is two numbers of 16 bits, 65536 times the first plus the second: as a whole it is the first, to the
+// half step that the first was chosen by.
+using Words [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = std::int32_t;
+inline const Words& at(const std::int32_t* p) noexcept { return *reinterpret_cast<const Words*>(p); }
+inline Words& at(std::int32_t* p) noexcept { return *reinterpret_cast<Words*>(p); }
+
+// What is less stays in the cache, where floats are as fast.
+constexpr std::size_t worth_it = 200;
+constexpr float most = 32767, second_one = 65536;
+
+[[gnu::always_inline]] inline void unpack(const Words& pair, Lanes& first, Lanes& second) noexcept {
+  first = __builtin_convertvector(pair, Lanes), second = __builtin_convertvector(pair << 16, Lanes);
+}
+
+[[gnu::always_inline]] inline void fill(float x, Lanes& all) noexcept { all = Lanes{x, x, x, x, x, x, x, x}; }
+
+// To the nearest whole number that fits.
+[[gnu::always_inline]] inline void round(Lanes& x) noexcept {
+  constexpr float shift = 12582912;  // beyond it float32 has no fractions
+  x = x > most ? Lanes{} + most : x < -most ? Lanes{} - most : x;
+  x = (x + shift) - shift;
+}
+
+// Eight columns of two rows' x, y, z. inverse: of the columns; p, q: of the rows' x, y, z.
+PALPATE_CLONES void pack(const float* values, const float* inverse, const float* p, const float* q,
+                         std::int32_t* pairs) noexcept {
+  for (std::size_t a = 0; a < 3; ++a) {
+    Lanes first = at(values + a * lanes) * at(inverse) * (p[a] * most);
+    Lanes second = at(values + part + a * lanes) * at(inverse) * (q[a] * most);
+    round(second);
+    first -= second / second_one;
+    round(first);
+    at(pairs + a * lanes) =
+        (__builtin_convertvector(first, Words) << 16) + __builtin_convertvector(second, Words);
+  }
+}
+
+// The same as multiply(), from pairs.
+PALPATE_CLONES void multiply_pairs(const std::int32_t* v, std::size_t plane, std::size_t n, const float* f,
+                                   float* u) noexcept {
+  for (std::size_t first = 0; first < n; first += lanes) {
+    Lanes sums[3][lanes];
+    for (std::size_t l = 0; l < lanes; l += together) {
+      const std::size_t i = first + l;
+      Lanes px, py, pz, qx, qy, qz;
+      fill(f[i], px), fill(f[plane + i], py), fill(f[2 * plane + i], pz);
+      fill(f[i + 1], qx), fill(f[plane + i + 1], qy), fill(f[2 * plane + i + 1], qz);
+      Lanes p0 = {}, p1 = {}, p2 = {}, q0 = {}, q1 = {}, q2 = {};
+      for (std::size_t b = 0; b < 3; ++b) {
+        const float* fb = f + b * plane;
+        float* ub = u + b * plane;
+        for (std::size_t k = 0; k <= first; k += lanes, v += part) {
+          const Lanes force = at(fb + k);
+          Lanes pc, pd, pe, qc, qd, qe;
+          unpack(at(v), pc, qc), unpack(at(v + lanes), pd, qd);
+          unpack(at(v + 2 * lanes), pe, qe);
+          add_fused(pc, force, p0), add_fused(pd, force, p1), add_fused(pe, force, p2);
+          add_fused(qc, force, q0), add_fused(qd, force, q1), add_fused(qe, force, q2);
+          if (k == first) break;
+          Lanes moved = at(ub + k);
+          add_fused(pc, px, moved), add_fused(pd, py, moved), add_fused(pe, pz, moved);
+          add_fused(qc, qx, moved), add_fused(qd, qy, moved), add_fused(qe, qz, moved);
+          at(ub + k) = moved;
+        }
+        v += part;
+      }
+      sums[0][l] = p0, sums[1][l] = p1, sums[2][l] = p2;
+      sums[0][l + 1] = q0, sums[1][l + 1] = q1, sums[2][l + 1] = q2;
+    }
+    for (std::size_t a = 0; a < 3; ++a) add_totals(sums[a], at(u + a * plane + first));
+  }
+}
+
 }  // namespace
 
-SymmetricHalf::SymmetricHalf(std::size_t capacity) : values_(begin_of((capacity + lanes - 1) / lanes)) {
-  std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first product
+SymmetricHalf::SymmetricHalf(std::size_t capacity)
+    : values_(begin_of((capacity + lanes - 1) / lanes)), pairs_(values_.size() / together) {
+  // Touch every page now, not in the first product.
+  std::fill_n(values_.data(), values_.size(), 0.0f);
+  std::fill_n(pairs_.data(), pairs_.size(), 0);
+  for (auto* sizes : {&size_, &inverse_})
+    for (std::vector<float>& axis : *sizes) axis.assign((capacity + lanes - 1) / lanes * lanes, 0.0f);
 }
 
 void SymmetricHalf::set(std::size_t i, const float* rows, std::size_t plane, std::size_t n) noexcept {
+  for (std::size_t a = 0; a < 3; ++a) {
+    const float own = rows[4 * a * plane + i];
+    size_[a][i] = own > 0 ? std::sqrt(own) : 0.0f;
+    inverse_[a][i] = own > 0 ? 1 / size_[a][i] : 0.0f;
+  }
   const std::size_t first = i / lanes * lanes;  // of its group
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t b = 0; b < 3; ++b) {
@@ -77,11 +161,46 @@ void SymmetricHalf::set(std::size_t i, const float* rows, std::size_t plane, std
       float* const to = values_.data() + begin_of(j, i, b) + i % lanes;
       for (std::size_t a = 0; a < 3; ++a) to[a * lanes] = rows[(3 * b + a) * plane + j];
     }
+  const auto pack_again = [&](std::size_t row, std::size_t column, std::size_t b) {
+    const std::size_t p = row / together * together, begin = begin_of(p, column, b);
+    const auto inverse = [&](std::size_t k) {
+      return std::array{inverse_[0][k], inverse_[1][k], inverse_[2][k]};
+    };
+    pack(values_.data() + begin, inverse_[b].data() + column / lanes * lanes, inverse(p).data(),
+         inverse(p + 1).data(), pairs_.data() + begin / together);
+  };
+  for (std::size_t b = 0; b < 3; ++b) {
+    for (std::size_t j = 0; j <= first; j += lanes) pack_again(i, j, b);
+    for (std::size_t j = first; j < n; j += together) pack_again(j, i, b);
+  }
 }
 
 void SymmetricHalf::add_product(std::size_t n, std::size_t plane, std::span<const float> f,
                                 std::span<float> u) const noexcept {
   multiply(values_.data(), plane, n, f.data(), u.data());
+}
+
+bool SymmetricHalf::add_rough_product(std::size_t n, std::size_t plane, std::span<const float> f, float off,
+                                      std::span<float> u, std::span<float> work) const noexcept {
+  if (n < worth_it) return false;
+  float *const scaled = work.data(), *const moved = scaled + 3 * plane;
+  const std::size_t end = (n + lanes - 1) / lanes * lanes;
+  float squared = 0, largest = 0;
+  for (std::size_t b = 0; b < 3; ++b) {
+    for (std::size_t k = 0; k < n; ++k) {
+      const float own = size_[b][k], x = scaled[b * plane + k] = f[b * plane + k] * own;
+      squared += x * x, largest = std::max(largest, own);
+    }
+    std::fill_n(scaled + b * plane + n, end - n, 0.0f);
+    std::fill_n(moved + b * plane, end, 0.0f);
+  }
+  constexpr float step = 1 / most, rms = 0.29f;  // of what is rounded, to a step
+  if (!(rms * step * largest * std::sqrt(squared) <= off)) return false;
+  multiply_pairs(pairs_.data(), plane, n, scaled, moved);
+  for (std::size_t b = 0; b < 3; ++b)
+    for (std::size_t k = 0; k < n; ++k)
+      u[b * plane + k] += size_[b][k] * (step / second_one * moved[b * plane + k]);
+  return true;
 }
 
 }  // namespace palpate

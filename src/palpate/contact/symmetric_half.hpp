@@ -2,8 +2,11 @@
 // which is what limits the product where the matrix is larger than the cache.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
+#include <vector>
 
 #include "palpate/base/huge_array.hpp"
 
@@ -21,9 +24,16 @@ class SymmetricHalf {
   // beyond n f is zero, and u anything.
   void add_product(std::size_t n, std::size_t plane, std::span<const float> f,
                    std::span<float> u) const noexcept;
+  // The same from half the bytes, of an A that is positive semidefinite: of 16 bits each element over the
+  // roots of its row's and its column's diagonal elements, which none exceeds. False, and u as it was, where
+  // that would put more than `off` on u, root mean square. work: 6 plane numbers.
+  bool add_rough_product(std::size_t n, std::size_t plane, std::span<const float> f, float off,
+                         std::span<float> u, std::span<float> work) const noexcept;
 
  private:
   HugeArray<float> values_;
+  HugeArray<std::int32_t> pairs_;                     // of two rows that stand together, in the same order
+  std::array<std::vector<float>, 3> size_, inverse_;  // of x, y, z of each block row: that root; one over it
 };
 
 }  // namespace palpate

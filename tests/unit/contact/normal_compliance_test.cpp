@@ -75,6 +75,17 @@ TEST(NormalCompliance, IsKeptRightWhateverCameBefore) {
       }
     EXPECT_GE(static_cast<double>(kept.norm()) * (1 + 1e-5),
               Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(whole).eigenvalues().maxCoeff());
+    // Of rows of G made from the elements there are, G A G^T has a diagonal of 1, and the trace of A G^T G.
+    double trace = 0;
+    std::vector<float> unit(kept.size()), z(kept.size());
+    for (std::size_t i = 0; i < kept.size(); ++i) {
+      unit[i] = 1, kept.inverse().apply(kept.size(), unit.data(), z.data()), unit[i] = 0;
+      for (std::size_t j = 0; j < kept.size(); ++j)
+        trace += static_cast<double>(kept.values()[std::max(i, j) * kept.ld() + std::min(i, j)] * z[j]);
+    }
+    // Less where a node's points hardly differ; and some have turned by little.
+    EXPECT_LT(trace, static_cast<double>(kept.size()) + 0.2) << tick;
+    EXPECT_GT(trace, static_cast<double>(kept.size()) - 2.5) << tick;
   }
   EXPECT_GT(changed, 200u);
 }

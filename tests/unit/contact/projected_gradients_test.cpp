@@ -15,8 +15,9 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 // A problem in the solver's layout: rows of whole sixteens.
 struct Problem {
   std::size_t n, ld;
-  std::vector<float> a, b, lower, within, x, gradient, way, product;
+  std::vector<float> a, b, lower, within, x, gradient, way, product, free, downhill;
   float norm = 0;
+  SparseInverse inverse;
 
   Problem(const Matrix& matrix, const Eigen::VectorXd& linear, const Eigen::VectorXd& bound, double tolerance)
       : n(static_cast<std::size_t>(linear.size())),
@@ -28,7 +29,10 @@ struct Problem {
         x(ld),
         gradient(ld),
         way(ld),
-        product(ld) {
+        product(ld),
+        free(ld),
+        downhill(ld),
+        inverse(ld) {
     for (std::size_t i = 0; i < n; ++i) {
       float sum = 0;
       for (std::size_t j = 0; j < n; ++j)
@@ -39,8 +43,12 @@ struct Problem {
       within[i] = static_cast<float>(tolerance);
     }
   }
+  void precondition() {
+    for (std::size_t i = 0; i < n; ++i) inverse.set(a.data(), ld, i);
+  }
   int solve(int most = 500) {
-    return minimise_over_bounds(a.data(), n, ld, norm, b, lower, within, x, {gradient, way, product}, most);
+    return minimise_over_bounds(a.data(), n, ld, norm, inverse, b, lower, within, x,
+                                {gradient, way, product, free, downhill}, most);
   }
 };
 
@@ -63,6 +71,7 @@ TEST(ProjectedGradients, AgreesWithPivoting) {
       const int n = side * side;
       const Eigen::VectorXd b = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random) - 0.3; });
       Problem problem(a, b, Eigen::VectorXd::Zero(n), 1e-5);
+      if (trial % 2 == 0) problem.precondition();
       const int products = problem.solve();
       ASSERT_GE(products, 0) << side;
       EXPECT_LE(products, 150) << side;
@@ -87,6 +96,7 @@ TEST(ProjectedGradients, ConditionsHoldFromAnyStartWithinTheBounds) {
     const Eigen::VectorXd b = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
     const Eigen::VectorXd lower = Eigen::VectorXd::NullaryExpr(n, [&] { return -std::abs(normal(random)); });
     Problem problem(a, b, lower, 1e-4);
+    if (trial % 3 > 0) problem.precondition();
     for (std::size_t i = 0; i < problem.n; ++i)
       if (random() % 2) problem.x[i] += static_cast<float>(std::abs(normal(random)));
     ASSERT_GE(problem.solve(), 0) << trial;
@@ -102,9 +112,28 @@ TEST(ProjectedGradients, ConditionsHoldFromAnyStartWithinTheBounds) {
   }
 }
 
+// As in a tick: what most presses goes on pressing.
+TEST(ProjectedGradients, APreconditionerHalvesTheProducts) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  int plain = 0, preconditioned = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    const int n = 18 * 18;
+    const Eigen::VectorXd b = Eigen::VectorXd::NullaryExpr(n, [&] { return normal(random); });
+    Problem one(pressing(18), b, Eigen::VectorXd::Constant(n, -4), 1e-3), other = one;
+    other.precondition();
+    const int products = one.solve();
+    ASSERT_GT(products, 0);
+    plain += products, preconditioned += other.solve();
+    for (std::size_t i = 0; i < one.n; ++i) ASSERT_NEAR(one.x[i], other.x[i], 1e-2);
+  }
+  EXPECT_LT(preconditioned, 0.6 * plain) << plain;
+}
+
 TEST(ProjectedGradients, SaysWhenItWasNotEnough) {
   Problem two_sides(Matrix{{1, -1}, {-1, 1}}, Eigen::VectorXd::Constant(2, -1), Eigen::VectorXd::Zero(2),
                     1e-6);
+  two_sides.precondition();
   EXPECT_LT(two_sides.solve(), 0);  // no minimum: both grow for ever
   for (const float x : two_sides.x) EXPECT_GE(x, 0);
   Problem short_of(pressing(12), Eigen::VectorXd::Constant(144, -1), Eigen::VectorXd::Zero(144), 1e-6);
