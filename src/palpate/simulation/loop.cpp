@@ -130,7 +130,7 @@ void deform_until_over(std::span<const Model> models, const LoopSettings& settin
     Handed& tick = shared.ticks.front();
     std::vector<Surface>& surfaces = shared.surfaces.back();
     for (std::size_t i = 0; i < models.size(); ++i)
-      deform(models[i].organ, tick.loads[i], deformers[i], surfaces[i], tick.outcomes[i]);
+      deform(models[i], tick.loads[i], deformers[i], surfaces[i], tick.outcomes[i]);
     if (hooks.frame) {
       frames.clear();
       for (std::size_t i = 0; i < models.size(); ++i)
@@ -238,7 +238,7 @@ LoopReport run_loop(std::span<const Model> models, std::span<State> states, cons
     throw Error(ErrorKind::resource, "the loop's two threads do not start: {}", e.what());
   }
   for (std::size_t i = 0; i < models.size(); ++i)
-    deform(models[i].organ, states[i].loads, deformers[i], states[i].surface, states[i]);
+    deform(models[i], states[i].loads, deformers[i], states[i].surface, states[i]);
   return report;
 }
 

@@ -77,7 +77,7 @@ struct Contact {
   Vec3 touched = Vec3::Zero();  // where on the instrument it sticks or last slipped to, instrument frame, m
   Vec3 from =
       Vec3::Zero();       // where on the instrument it is, or if inside where it came in, instrument frame, m
-  double gap_before = 0;  // m, of the node at rest: minus the penetration depth
+  double gap_before = 0;  // m, of the node at rest: minus the penetration depth; deform() finds it
   double gap_after = 0;   // m, after the solve
   bool grasped = false;   // held by the instrument's grip; the force may pull
 };
@@ -115,7 +115,7 @@ struct Outcome {
   std::vector<Pose> instruments;  // one an instrument, world
   std::vector<Contact> contacts;  // the nodes and places with a force
   std::vector<Wrench> wrenches;   // one an instrument: what its contacts do to it
-  double deepest_before = 0;      // m, largest penetration at rest of a node with a force, >= 0
+  double deepest_before = 0;      // m, largest penetration at rest of a node with a force, >= 0; of deform()
   double deepest_after = 0;       // m, largest penetration left: the residual
   int relinearisations = 0;
   std::uint32_t status = status_ok;  // StatusBits
@@ -141,9 +141,9 @@ State make_state(const Model& model);
 // contacts and wrenches. Which surface it is does not change a bit of them. (Mode::imprint has no forces; it
 // changes state.surface.) Never throws, allocates or locks.
 void tick(const Model& model, State& state, const Input& input, const Surface& surface) noexcept;
-// The surface under a tick's loads, and what it adds to the outcome: strain_beyond_linear, its time. Never
-// throws, allocates or locks.
-void deform(const Organ& organ, const Loads& loads, Deformer& deformer, Surface& surface,
+// The surface under a tick's loads, and what it adds to the outcome: strain_beyond_linear, how deep contacts
+// would be at rest, its time. Never throws, allocates or locks.
+void deform(const Model& model, const Loads& loads, Deformer& deformer, Surface& surface,
             Outcome& outcome) noexcept;
 // A tick, and the surface under it. Never throws, allocates or locks.
 void step(const Model& model, State& state, const Input& input) noexcept;

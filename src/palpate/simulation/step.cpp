@@ -1,6 +1,7 @@
 // One tick: place, detect, solve, report; and what the forces do to the surface. T 4.2 (detection), 4.3.2
 // (forces from displacements), 5.2.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "palpate/base/error.hpp"
@@ -89,7 +90,6 @@ State make_state(const Model& model) {
   w.u_before_number.assign(w.u_before.size(), 0);
   w.looked_at.resize(instruments * w.faces.faces.size());
   w.seen.resize(w.u_before.size());
-  w.rest.resize(capacity), w.rest_gaps.resize(capacity);
   w.point_slots.resize(capacity), w.point_forces.resize(capacity),
       w.placed_u.resize(3 * w.block.most_plane());
   w.u.assign(s, Vec3::Zero());
@@ -233,8 +233,6 @@ void report(State& state) {
   state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear(), w.paths.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
-  field_gaps(
-      w.shapes, w.points, [&](std::size_t i) { return w.points[i].rest; }, w.rest, w.rest_gaps);
   for (std::size_t i = 0; i < w.points.size(); i += w.points[i].grasped ? 3 : 1) {
     ContactPoint& p = w.points[i];
     const PlacedShape& shape = w.shapes[at(p.instrument)];
@@ -243,7 +241,6 @@ void report(State& state) {
     Contact c;
     c.grasped = p.grasped;
     c.node = p.node, c.instrument = p.instrument, c.triangle = p.triangle, c.weights = p.weights;
-    c.gap_before = w.rest_gaps[i].distance;
     const Vec3 now = p.rest + p.u;
     c.gap_after = p.grasped ? shape.distance(now) : p.gap;
     if (p.triangle >= 0) gap_by_path(shape, p.path, now, &p.path);
@@ -252,7 +249,6 @@ void report(State& state) {
     c.force_in_organ = force, c.force = state.organ.rotation * force;
     c.point = state.organ * now;
     state.contacts.push_back(c), w.paths.push_back(p.path);
-    state.deepest_before = std::max(state.deepest_before, -c.gap_before);
     Wrench& wrench = state.wrenches[at(p.instrument)];
     const Vec3 arm = c.point - state.instruments[at(p.instrument)].translation;
     wrench.force -= c.force;
@@ -314,11 +310,45 @@ void tick(const Model& model, State& state, const Input& input, const Surface& s
   state.times.total = total.seconds();
 }
 
-void deform(const Organ& organ, const Loads& loads, Deformer& deformer, Surface& surface,
+namespace {
+
+// How deep the contacts would be at rest: what no force depends on, so it is not the force loop's work.
+void find_depths_at_rest(const Model& model, Outcome& outcome) noexcept {
+  outcome.deepest_before = 0;
+  const auto rest_of = [&](const Contact& c) {
+    if (c.triangle < 0) return model.organ.contact_points[at(c.node)];
+    Vec3 rest = Vec3::Zero();
+    for (std::size_t k = 0; k < 3; ++k)
+      rest += c.weights[static_cast<int>(k)] *
+              model.organ.contact_points[at(model.organ.surface.triangles[at(c.triangle)][k])];
+    return rest;
+  };
+  std::array<Vec3, 32> own;
+  std::array<Gap, 32> found;
+  for (std::size_t first = 0, end = 0; first < outcome.contacts.size(); first = end) {
+    const std::size_t instrument = at(outcome.contacts[first].instrument);
+    const Pose to_shape = outcome.instruments[instrument].inverse() * outcome.organ;
+    for (; end < outcome.contacts.size() && end - first < own.size() &&
+           at(outcome.contacts[end].instrument) == instrument;
+         ++end)
+      own[end - first] = to_shape * rest_of(outcome.contacts[end]);
+    gaps(model.instruments[instrument].shape, std::span(own).first(end - first), found);
+    for (std::size_t i = first; i < end; ++i) {
+      outcome.contacts[i].gap_before = found[i - first].distance;
+      outcome.deepest_before = std::max(outcome.deepest_before, -found[i - first].distance);
+    }
+  }
+}
+
+}  // namespace
+
+void deform(const Model& model, const Loads& loads, Deformer& deformer, Surface& surface,
             Outcome& outcome) noexcept {
   const Timer timer = wall_timer();
-  deformer(organ, loads, surface);
+  deformer(model.organ, loads, surface);
   if (surface.strains.beyond_linear()) outcome.status |= strain_beyond_linear;
+  if (model.settings.mode == Mode::unilateral || model.settings.mode == Mode::prescribed)
+    find_depths_at_rest(model, outcome);
   outcome.times.deform = timer.seconds();
   outcome.times.total += outcome.times.deform;
 }
@@ -326,7 +356,7 @@ void deform(const Organ& organ, const Loads& loads, Deformer& deformer, Surface&
 void step(const Model& model, State& state, const Input& input) noexcept {
   tick(model, state, input, state.surface);
   if (state.status & bad_input || model.settings.mode == Mode::imprint) return;
-  deform(model.organ, state.loads, state.scratch->deformer, state.surface, state);
+  deform(model, state.loads, state.scratch->deformer, state.surface, state);
 }
 
 }  // namespace palpate

@@ -149,9 +149,7 @@ struct StepScratch {
   std::vector<Seen> seen;  // of each node: where the places' planes are taken
   std::uint64_t ticks = 0;
   Mode mode = Mode::unilateral;  // of the last tick
-  bool moved_forces = false;   // forces have moved or gone without the solver since the points were displaced
-  std::vector<Vec3> rest;      // of the points, in the instruments' frames, m
-  std::vector<Gap> rest_gaps;  // and their gaps there
+  bool moved_forces = false;  // forces have moved or gone without the solver since the points were displaced
   std::vector<Index> point_slots;             // of the points with a force
   std::vector<Vec3> point_forces;             // and these, N
   std::vector<double> placed_u;               // of each slot, in planes

@@ -103,6 +103,43 @@ std::vector<Model> two_organs() {
   return models;
 }
 
+// How deep nodes and places would be at rest: a needle that leans, between nodes, and a ball.
+TEST(Frame, DepthsAreOfTheSurfaceAtRest) {
+  Model model = block_model(10, Sphere{0.02});
+  const Capsule needle{0.5e-3, 20e-3};
+  model.instruments.push_back({"needle", needle, {}, 0});
+  State state = make_state(model);
+  std::size_t nodes = 0, places = 0;
+  for (int k = 0; k < 40; ++k) {
+    const double depth = 0.1e-3 * k;
+    Input input{0, turned(0.2, Vec3(0.01, 0.02, 0.03)), {}};
+    input.instruments = {input.organ * Pose{Eigen::Quaterniond::Identity(), Vec3(-0.02, 0.003, 0.12 - depth)},
+                         input.organ * turned(0.3, Vec3(0.0312, 0.0117, 0.1203 - depth))};
+    step(model, state, input);
+    double deepest = 0;
+    for (const Contact& c : state.contacts) {
+      Vec3 rest = model.organ.contact_points[static_cast<std::size_t>(c.node)];
+      if (c.triangle >= 0) {
+        rest.setZero(), ++places;
+        for (std::size_t n = 0; n < 3; ++n)
+          rest += c.weights[static_cast<int>(n)] *
+                  model.organ.contact_points[static_cast<std::size_t>(
+                      model.organ.surface.triangles[static_cast<std::size_t>(c.triangle)][n])];
+      } else {
+        ++nodes;
+      }
+      const auto instrument = static_cast<std::size_t>(c.instrument);
+      const Vec3 there = input.instruments[instrument].inverse() * (input.organ * rest);
+      EXPECT_NEAR(c.gap_before, distance(model.instruments[instrument].shape, there), 1e-12);
+      deepest = std::max(deepest, -c.gap_before);
+    }
+    EXPECT_EQ(state.deepest_before, deepest);
+  }
+  EXPECT_GT(nodes, 40u);
+  EXPECT_GT(places, 10u);
+  EXPECT_GT(state.deepest_before, 1e-3);
+}
+
 TEST(Frame, InTheLoopItIsOfOneTick) {
   const std::vector<Model> all = two_organs();
   for (const std::size_t organs : {1, 2}) {

@@ -23,7 +23,7 @@ static_assert(noexcept(place(std::span<Input>(), 0, of<const Pose>())));
 static_assert(noexcept(grip(std::span<Input>(), 0, true)));
 static_assert(noexcept(wrench_of(std::span<const State>(), 0)));
 static_assert(noexcept(of<Deformer>()(of<const Organ>(), of<const Loads>(), of<Surface>())));
-static_assert(noexcept(deform(of<const Organ>(), of<const Loads>(), of<Deformer>(), of<Surface>(),
+static_assert(noexcept(deform(of<const Model>(), of<const Loads>(), of<Deformer>(), of<Surface>(),
                               of<Outcome>())));
 static_assert(noexcept(of<Loads>().copy(of<const Loads>())));
 static_assert(noexcept(of<ContactSolver>().solve(of<const ContactBlock>(), {}, {}, 0, of<SolverLimits>())));
