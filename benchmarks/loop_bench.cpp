@@ -27,11 +27,11 @@ double depth_of(const scenes::Press& press, State& state, std::size_t contacts) 
 
 // To and fro along the organ, 0.1 m/s at most, at 1 kHz.
 LoopReport slide(const scenes::Press& press, std::size_t contacts, std::uint64_t ticks, double frame_rate,
-                 double& depth) {
+                 bool awake, double& depth) {
   State state = make_state(press.model);
   depth = depth_of(press, state, contacts + contacts / 30);  // some come and go
   LoopSettings settings;
-  settings.ticks = ticks, settings.frame_rate = frame_rate,
+  settings.ticks = ticks, settings.frame_rate = frame_rate, settings.awake = awake;
   settings.idle_ticks = std::min<std::uint64_t>(ticks, 10000);
   LoopHooks hooks;
   hooks.input = [&](std::uint64_t k, const State&, Input& input) {
@@ -41,29 +41,30 @@ LoopReport slide(const scenes::Press& press, std::size_t contacts, std::uint64_t
   return run_loop(press.model, state, settings, hooks);
 }
 
-std::vector<Value> percentiles(int nodes, std::size_t contacts, double friction, std::uint64_t ticks,
-                               const Value& peer) {
+std::vector<Value> percentiles(int nodes, std::size_t contacts, double friction, bool awake,
+                               std::uint64_t ticks, const Value& peer) {
   scenes::Press press = scenes::press_ball(scenes::bake_kidney(nodes));
   press.model.settings.friction = friction;
   double depth = 0;
-  const LoopReport r = slide(press, contacts, ticks, 60, depth);
+  const LoopReport r = slide(press, contacts, ticks, 60, awake, depth);
   std::vector<Value> out;
   for (const double p : {0.5, 0.99, 0.999})
     out.push_back(
         {1e3 * r.ticks.cpu.percentile(p), peer.peer, peer.peer_value,
          fmt::format(
-             "{} ticks, {:.0f} contacts, mu {}, {} not converged, worst {:.3g} ms, due to done {:.3g} "
+             "{} ticks, {}, {:.0f} contacts, mu {}, {} not converged, worst {:.3g} ms, due to done {:.3g} "
              "ms, worst {:.3g} (empty loop {:.3g}, {:.3g}), {} missed ({})",
-             r.ticks.cpu.count(), r.contacts_mean, friction, r.not_converged, 1e3 * r.ticks.cpu.worst(),
-             1e3 * r.ticks.wall.percentile(p), 1e3 * r.ticks.wall.worst(), 1e3 * r.idle.wall.percentile(p),
-             1e3 * r.idle.wall.worst(), r.ticks.missed, r.idle.missed)});
+             r.ticks.cpu.count(), awake ? "awake" : "sleeping in between", r.contacts_mean, friction,
+             r.not_converged, 1e3 * r.ticks.cpu.worst(), 1e3 * r.ticks.wall.percentile(p),
+             1e3 * r.ticks.wall.worst(), 1e3 * r.idle.wall.percentile(p), 1e3 * r.idle.wall.worst(),
+             r.ticks.missed, r.idle.missed)});
   return out;
 }
 
 std::vector<Value> frames(int nodes, std::size_t contacts) {
   const scenes::Press press = scenes::press_ball(scenes::bake_kidney(nodes));
   double depth = 0;
-  const LoopReport r = slide(press, contacts, 10000, 240, depth);
+  const LoopReport r = slide(press, contacts, 10000, 240, false, depth);
   return {{static_cast<double>(r.frames) / r.seconds, "", no_peer,
            fmt::format("{:.0f} contacts, a surface in {:.3g} ms, beside 1,000 ticks a second of {:.3g} ms",
                        r.contacts_mean, 1e3 * r.surface.percentile(0.5), 1e3 * r.ticks.cpu.percentile(0.5))}};
@@ -143,10 +144,15 @@ void register_loop(Bench& bench) {
   };
   const Value sofa{0, "SOFA precomputed, 2,744 nodes, 142 contacts, recorded", 48};
   const auto ticks = [&bench] { return bench.full() ? 1'000'000u : 100'000u; };
-  bench.add(rows("loop.3000.100"), [=] { return percentiles(3000, 100, 0.3, ticks(), sofa); });
-  bench.add(rows("loop.10000.300"), [=] { return percentiles(10000, 300, 0, ticks(), {}); });
+  bench.add(rows("loop.3000.100"), [=] { return percentiles(3000, 100, 0.3, true, ticks(), sofa); });
+  bench.add(rows("loop.10000.300"), [=] { return percentiles(10000, 300, 0, true, ticks(), {}); });
   bench.add(
-      rows("loop.10000.300.friction"), [=] { return percentiles(10000, 300, 0.3, ticks(), {}); }, true);
+      rows("loop.10000.300.friction"), [=] { return percentiles(10000, 300, 0.3, true, ticks(), {}); }, true);
+  bench.add(
+      rows("loop.3000.100.sleeping"), [=] { return percentiles(3000, 100, 0.3, false, ticks(), sofa); },
+      true);
+  bench.add(
+      rows("loop.10000.300.sleeping"), [=] { return percentiles(10000, 300, 0, false, ticks(), {}); }, true);
   bench.add({{"loop.frames.10000.100", "1/s", true}}, [] { return frames(10000, 100); });
   bench.add({{"loop.clear.10000", "us"}}, [] { return clear(10000, Storage::hierarchical); });
   bench.add({{"loop.ring.10000", "us"}}, [] { return ring(10000, Storage::hierarchical); });

@@ -54,6 +54,7 @@ struct SimulateOptions {
   std::filesystem::path scene, output;
   bool loop = false;                     // in real time instead of step by step
   double rate = 1000;                    // of the loop, ticks a second
+  bool awake = false;                    // LoopSettings::awake
   double frame_rate = 60;                // of its surfaces, a second
   std::uint64_t ticks = 0;               // 0: as long as the motion
   std::string device;                    // haptic device that leads the first instrument; empty: the motion

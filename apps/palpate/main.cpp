@@ -135,6 +135,8 @@ void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
       "and leaves that in summary.json");
   c->add_option("--rate", o.rate, "with --loop: ticks a second, 1 to 4000; 0: as fast as they go")
       ->capture_default_str();
+  c->add_flag("--awake", o.awake,
+              "with --loop: never sleep between ticks; they are done sooner, and a core is taken");
   c->add_option("--frame-rate", o.frame_rate, "with --loop: surfaces a second, 1 to 1000")
       ->capture_default_str();
   c->add_option("--ticks", o.ticks,

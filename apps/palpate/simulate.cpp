@@ -73,7 +73,7 @@ Hand open_hand(const Scene& scene, const SimulateOptions& options) {
 void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* record,
                  const Recording* replay, const Console& console) {
   LoopSettings settings;
-  settings.rate = options.rate, settings.frame_rate = options.frame_rate;
+  settings.rate = options.rate, settings.frame_rate = options.frame_rate, settings.awake = options.awake;
   const double dt = tick_of(scene, options);
   const double begin = scene.motion.motion.times.front(), length = scene.motion.motion.times.back() - begin;
   settings.ticks = ticks_of(scene, options, replay);

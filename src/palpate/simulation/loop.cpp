@@ -35,10 +35,15 @@ void sleep_until(double time) noexcept {
   }
 }
 
+void stay_awake_until(double time) noexcept {
+  while (now() < time) {
+  }
+}
+
 // When ticks are due. A loop that has fallen behind by more than `most_behind` ticks starts its count anew.
 class Pace {
  public:
-  explicit Pace(double rate) noexcept : period_(rate > 0 ? 1 / rate : 0), due_(now()) {}
+  Pace(double rate, bool awake) noexcept : period_(rate > 0 ? 1 / rate : 0), awake_(awake), due_(now()) {}
   // Waits for the next tick to be due.
   void wait() noexcept {
     if (period_ == 0) {
@@ -50,7 +55,7 @@ class Pace {
     if (late > most_behind * period_)
       due_ += late;
     else if (late < 0)
-      sleep_until(due_);
+      awake_ ? stay_awake_until(due_) : sleep_until(due_);
   }
   void done(LoopTimes& times, double cpu) const noexcept {
     const double wall = now() - due_;
@@ -61,7 +66,9 @@ class Pace {
 
  private:
   static constexpr double most_behind = 100;
-  double period_, due_;  // s
+  double period_;  // s
+  bool awake_;
+  double due_;  // s
 };
 
 bool go_first() noexcept {
@@ -150,9 +157,10 @@ void deform_until_over(std::span<const Model> models, const LoopSettings& settin
 void tick_until_over(std::span<const Model> models, std::span<State> states, const LoopSettings& settings,
                      const OrgansHooks& hooks, Shared& shared, std::span<Input> inputs,
                      LoopReport& report) noexcept {
-  report.first_in = settings.rate > 0 && go_first();  // never one that does not sleep
+  report.awake = settings.awake;
+  report.first_in = settings.rate > 0 && !settings.awake && go_first();  // never one that does not sleep
   if (settings.idle_ticks > 0) {
-    Pace pace(settings.rate);
+    Pace pace(settings.rate, settings.awake);
     for (std::uint64_t k = 0; k < settings.idle_ticks; ++k) {
       pace.wait();
       const Timer cpu = thread_timer();
@@ -160,7 +168,7 @@ void tick_until_over(std::span<const Model> models, std::span<State> states, con
     }
   }
   const Timer wall = wall_timer();
-  Pace pace(settings.rate);
+  Pace pace(settings.rate, settings.awake);
   double in_contact = 0;
   for (std::uint64_t k = 0; settings.ticks == 0 || k < settings.ticks; ++k) {
     pace.wait();
@@ -281,7 +289,9 @@ std::string loop_table(const LoopReport& r) {
   out += fmt::format("  {:<28} {:.3f} N\n", "peak force", r.peak_force);
   out += fmt::format("  {:<28} {} of {}\n", "ticks not converged", r.not_converged, r.ticks.wall.count());
   out += fmt::format("  {:<28} {}\n", "precedence of the force loop",
-                     r.first_in ? "SCHED_FIFO" : "none (not permitted)");
+                     r.awake      ? "none: it stays awake"
+                     : r.first_in ? "SCHED_FIFO"
+                                  : "none (not permitted)");
   return out + histogram_table(r);
 }
 
@@ -317,6 +327,7 @@ std::string loop_json(const LoopReport& r) {
                                 {"anchor_touched", r.anchor_touched},
                                 {"largest_strain", r.largest_strain},
                                 {"frames_beyond_linear", r.beyond_linear},
+                                {"awake", r.awake},
                                 {"sched_fifo", r.first_in},
                                 {"histograms",
                                  {{"tick_cpu", bins(r.ticks.cpu)},

@@ -24,8 +24,11 @@
 namespace palpate {
 
 struct LoopSettings {
-  double rate = 1000;       // ticks a second: 1 to 4,000; 0: as fast as they go
-  double frame_rate = 60;   // surfaces a second at most
+  double rate = 1000;      // ticks a second: 1 to 4,000; 0: as fast as they go
+  double frame_rate = 60;  // surfaces a second at most
+  // Looks at the clock until a tick is due, instead of sleeping: caches stay warm and the processor at its
+  // clock, and no tick waits to be woken. Takes a core of its own, which other threads have to do without.
+  bool awake = false;
   std::uint64_t ticks = 0;  // 0: until input() says so
   std::uint64_t idle_ticks =
       0;  // before: the same loop with nothing in it, to see what the machine does by itself
@@ -64,7 +67,8 @@ struct LoopReport {
   double contacts_mean = 0;
   double seconds = 0;     // wall, of the ticks
   Histogram surface;      // s, wall, of making one and of the frame() that takes it
-  bool first_in = false;  // the system granted the force thread precedence (SCHED_FIFO)
+  bool awake = false;     // as LoopSettings
+  bool first_in = false;  // the system granted the force thread precedence (SCHED_FIFO); not asked if awake
 };
 
 // Blocks until the loop ends. state: from make_state, and left as after the last step: with its surface.

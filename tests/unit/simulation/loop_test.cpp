@@ -18,7 +18,7 @@ void press(std::uint64_t k, Input& input) {
   input.instruments[0].translation = Vec3(-0.02 + 0.04 * t, 0.003, 0.1 + 0.02 - depth);
 }
 
-TEST(Loop, SameBitsAsStepByStep) {
+void expect_same_bits_as_step_by_step(bool awake) {
   const Model model = block_model(10, Sphere{0.02});
   State expected = make_state(model);
   std::vector<Vec3> forces;
@@ -29,7 +29,7 @@ TEST(Loop, SameBitsAsStepByStep) {
   State state = make_state(model);
   std::size_t frames = 0, differing = 0;
   LoopSettings settings;
-  settings.frame_rate = 200;
+  settings.frame_rate = 200, settings.awake = awake;
   LoopHooks hooks;
   hooks.input = [&](std::uint64_t k, const State&, Input& in) {
     press(k, in);
@@ -42,6 +42,7 @@ TEST(Loop, SameBitsAsStepByStep) {
     frames += f.surface.displacement.size() == model.organ.surface_size();
   };
   const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_TRUE(!awake || !report.first_in);
   EXPECT_EQ(differing, 0u);
   EXPECT_EQ(report.ticks.wall.count(), 401u);
   EXPECT_GE(report.seconds, 0.39);  // it kept to its rate
@@ -55,7 +56,13 @@ TEST(Loop, SameBitsAsStepByStep) {
   EXPECT_EQ(state.surface.displacement, expected.surface.displacement);
   EXPECT_NE(loop_table(report).find("p99.9"), std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(loop_json(report))["tick_cpu"]["count"], 401);
+  EXPECT_EQ(nlohmann::json::parse(loop_json(report))["awake"], awake);
 }
+
+TEST(Loop, SameBitsAsStepByStep) { expect_same_bits_as_step_by_step(false); }
+
+// With a rate it never slept for, and no precedence: a thread that does not sleep would let nobody in.
+TEST(Loop, SameBitsAsStepByStepAwake) { expect_same_bits_as_step_by_step(true); }
 
 TEST(Loop, AsFastAsItGoesUntilTheTicksAreDone) {
   const Model model = block_model(5, Sphere{0.02});
