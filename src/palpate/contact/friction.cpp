@@ -27,14 +27,15 @@ constexpr double little_turned = 0.02, hardly_turned = 1e-4;
 constexpr double any = std::numeric_limits<double>::infinity();
 // Where all is as foreseen the first turn does it. Else the next one does what is a twentieth.
 constexpr ContactSolver::Enough as_foreseen{0.8, 0, 0.4}, in_motion{0.3, 0.05, any}, at_rest{0.02, 0.05, any};
-constexpr int most_products = 12;     // of a step for friction
-constexpr double reduced = 0.3;       // of its residual, by which it is reduced
-constexpr double stiffest = 1e-4;     // way of a step, of what each point alone would give: less is rounding
-constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
-constexpr double rough_share = 0.01;  // of the tolerance: what a product may be off
-constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
-constexpr double loose = 0.01;        // and of what the gaps are off before
-constexpr double settled = 1e-3;      // of the sum of the pressures: change of all friction in a sweep
+constexpr int most_products = 12;      // of a step for friction
+constexpr double reduced = 0.3;        // of its residual, by which it is reduced
+constexpr double stiffest = 1e-4;      // way of a step, of what each point alone would give: less is rounding
+constexpr double longest_rough = 2;    // step of which a rough product tells what it moves
+constexpr double negligible = 2e-4;    // of the sum of the pressures: friction that is as much off is right
+constexpr double rough_share = 0.005;  // of the tolerance: what a product may be off
+constexpr double linear_share = 0.1;   // of the tolerance: how exactly pressures are solved for
+constexpr double loose = 0.01;         // and of what the gaps are off before
+constexpr double settled = 1e-3;       // of the sum of the pressures: change of all friction in a sweep
 
 }  // namespace
 
@@ -175,6 +176,7 @@ void ContactSolver::descend(const ContactBlock& block, std::span<const ContactPo
     // Two instruments may pull a node both ways, which costs no work: along that way there is no end.
     if (!(bent > stiffest * alone)) return;
     const double length = size / bent, before = size;
+    if (length > longest_rough) clear(block, product_of_), block.add_product(tried_, product_of_);
     add_share(block, length, product_of_, moved_);
     size = off = 0;
     for (std::size_t i = 0; i < m; ++i) {

@@ -16,13 +16,6 @@ using LooseLanes [[gnu::vector_size(32), gnu::aligned(4), gnu::may_alias]] = flo
 inline const LooseLanes& at(const float* p) noexcept { return *reinterpret_cast<const LooseLanes*>(p); }
 inline LooseLanes& at(float* p) noexcept { return *reinterpret_cast<LooseLanes*>(p); }
 
-// sum += a b, rounded once: an instruction where there is one, and else the same bits, slowly.
-[[gnu::always_inline]] inline void add_fused(const Lanes& a, const Lanes& b, Lanes& sum) noexcept {
-  Lanes out;
-  for (std::size_t i = 0; i < lanes; ++i) out[i] = __builtin_fmaf(a[i], b[i], sum[i]);
-  sum = out;
-}
-
 inline float total(const Lanes& s) noexcept {
   return ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
 }

@@ -73,8 +73,6 @@ constexpr float most = 32767, second_one = 65536;
   first = __builtin_convertvector(pair, Lanes), second = __builtin_convertvector(pair << 16, Lanes);
 }
 
-[[gnu::always_inline]] inline void fill(float x, Lanes& all) noexcept { all = Lanes{x, x, x, x, x, x, x, x}; }
-
 // To the nearest whole number that fits.
 [[gnu::always_inline]] inline void round(Lanes& x) noexcept {
   constexpr float shift = 12582912;  // beyond it float32 has no fractions
@@ -103,9 +101,8 @@ PALPATE_CLONES void multiply_pairs(const std::int32_t* v, std::size_t plane, std
     Lanes sums[3][lanes];
     for (std::size_t l = 0; l < lanes; l += together) {
       const std::size_t i = first + l;
-      Lanes px, py, pz, qx, qy, qz;
-      fill(f[i], px), fill(f[plane + i], py), fill(f[2 * plane + i], pz);
-      fill(f[i + 1], qx), fill(f[plane + i + 1], qy), fill(f[2 * plane + i + 1], qz);
+      const float px = f[i], py = f[plane + i], pz = f[2 * plane + i];
+      const float qx = f[i + 1], qy = f[plane + i + 1], qz = f[2 * plane + i + 1];
       Lanes p0 = {}, p1 = {}, p2 = {}, q0 = {}, q1 = {}, q2 = {};
       for (std::size_t b = 0; b < 3; ++b) {
         const float* fb = f + b * plane;
@@ -115,13 +112,10 @@ PALPATE_CLONES void multiply_pairs(const std::int32_t* v, std::size_t plane, std
           Lanes pc, pd, pe, qc, qd, qe;
           unpack(at(v), pc, qc), unpack(at(v + lanes), pd, qd);
           unpack(at(v + 2 * lanes), pe, qe);
-          add_fused(pc, force, p0), add_fused(pd, force, p1), add_fused(pe, force, p2);
-          add_fused(qc, force, q0), add_fused(qd, force, q1), add_fused(qe, force, q2);
+          p0 += pc * force, p1 += pd * force, p2 += pe * force;
+          q0 += qc * force, q1 += qd * force, q2 += qe * force;
           if (k == first) break;
-          Lanes moved = at(ub + k);
-          add_fused(pc, px, moved), add_fused(pd, py, moved), add_fused(pe, pz, moved);
-          add_fused(qc, qx, moved), add_fused(qd, qy, moved), add_fused(qe, qz, moved);
-          at(ub + k) = moved;
+          at(ub + k) += ((pc * px + pd * py) + pe * pz) + ((qc * qx + qd * qy) + qe * qz);
         }
         v += part;
       }

@@ -38,7 +38,7 @@ struct LoopSettings {
 struct LoopHooks {
   // Force thread: what tick number k begins with; `state` is the tick's before. False: stop, before tick k.
   std::function<bool(std::uint64_t k, const State& state, Input& input)> input;
-  // Force thread: what came out. May be empty.
+  // Force thread: what came out, but for what deform() adds. May be empty.
   std::function<void(std::uint64_t k, const Input& input, const State& state)> output;
   // Deformation thread: a new surface and what came of tick k, whose loads it is under; valid during the
   // call. May be empty.

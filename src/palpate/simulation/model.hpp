@@ -77,7 +77,7 @@ struct Contact {
   Vec3 touched = Vec3::Zero();  // where on the instrument it sticks or last slipped to, instrument frame, m
   Vec3 from =
       Vec3::Zero();       // where on the instrument it is, or if inside where it came in, instrument frame, m
-  double gap_before = 0;  // m, of the node at rest: minus the penetration depth; deform() finds it
+  double gap_before = 0;  // m, of the node or place at rest: minus the penetration depth; deform() finds it
   double gap_after = 0;   // m, after the solve
   bool grasped = false;   // held by the instrument's grip; the force may pull
 };

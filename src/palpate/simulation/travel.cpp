@@ -16,8 +16,8 @@ namespace palpate {
 
 namespace {
 
-// Of df.C df, and of the energy of all loads: what float32 may hide where changes are summed up as such, and
-// what is foreseen be off.
+// Of df.C df, and of the energy of all loads: what rounding (float32, rough products) may hide where changes
+// are summed up as such, and what is foreseen be off.
 constexpr double hidden_change = 5e-4, hidden_beneath = 1e-9;
 
 // Of a change: what is less beside that before is a smooth motion.

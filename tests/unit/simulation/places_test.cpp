@@ -430,6 +430,7 @@ TEST_F(Places, TissueThatSpringsBackMeetsANeedle) {
     input.instruments = {away, lying};
     for (double z = 0; z >= height; z -= 0.1e-3)
       input.instruments[1].translation.z() = z, step(model, pressed, input);
+    // Twice, until the places rest, as the others will.
     input.instruments[1] = lying, step(model, pressed, input), step(model, pressed, input);
     const double force = pressed.wrenches[1].force.z();
     EXPECT_GT(force, 0.02);
