@@ -285,7 +285,7 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
   Known& known = known_[slot - first_watched_];
   known.asked = true;
   if (is_new) known = {0, plane_, true};
-  update_watched(compliance, slot, watched);
+  update_watched(compliance, slot);
   return own;
 }
 
@@ -308,7 +308,7 @@ std::size_t ContactBlock::find_filled_since(std::uint64_t fills) noexcept {
 }
 
 // A watched row's planes as long as the block's now, and what it lacks of the slots filled since.
-void ContactBlock::update_watched(const Compliance& compliance, std::size_t watched, Index of) noexcept {
+void ContactBlock::update_watched(const Compliance& compliance, std::size_t watched) noexcept {
   Known& known = known_[watched - first_watched_];
   float* const row = watched_values_.data() + watched_at(watched);
   if (known.plane != plane_) {
@@ -317,7 +317,7 @@ void ContactBlock::update_watched(const Compliance& compliance, std::size_t watc
   }
   const std::size_t n = find_filled_since(std::exchange(known.fills, fills_)), ld = 3 * n;
   if (n == 0) return;
-  compliance.block({&of, 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
+  compliance.block({&row_of_slot_[watched], 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t b = 0; b < 3; ++b)
@@ -327,14 +327,15 @@ void ContactBlock::update_watched(const Compliance& compliance, std::size_t watc
 // A new slot's row from the one that was watched, which is at hand: C's are far apart in memory.
 void ContactBlock::take_watched(const Compliance& compliance, std::size_t watched,
                                 std::size_t slot) noexcept {
-  update_watched(compliance, watched, row_of_slot_[slot]);
-  const float* const row = watched_values_.data() + watched_at(watched);
+  update_watched(compliance, watched);
+  const float* const known = watched_values_.data() + watched_at(watched);
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t b = 0; b < 3; ++b) {
-      const float* const from = row + (3 * a + b) * plane_;
+      const float* const from = known + (3 * a + b) * plane_;
       std::copy_n(from, used_, values_of(slot, a) + b * plane_);
       for (std::size_t j = 0; j < used_; ++j) values_of(j, b)[a * plane_ + slot] = from[j];
     }
+  half_.set(slot, values_of(slot, 0), plane_, used_);
 }
 
 Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept {
@@ -386,8 +387,6 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
   fetch(compliance, {added_.data(), added});
   for (const auto& [watched, slot] : std::span(taken_).first(taken))
     take_watched(compliance, static_cast<std::size_t>(watched), static_cast<std::size_t>(slot));
-  for (const auto& [watched, slot] : std::span(taken_).first(taken))
-    half_.set(static_cast<std::size_t>(slot), row(slot, 0), plane_, used_);
   shrink(allowed);
 }
 

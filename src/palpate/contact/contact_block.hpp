@@ -104,7 +104,7 @@ class ContactBlock {
   std::size_t place_to_watch() noexcept;
   void fill(std::size_t slot, Index row) noexcept;
   std::size_t find_filled_since(std::uint64_t fills) noexcept;
-  void update_watched(const Compliance& compliance, std::size_t watched, Index row) noexcept;
+  void update_watched(const Compliance& compliance, std::size_t watched) noexcept;
   void take_watched(const Compliance& compliance, std::size_t watched, std::size_t slot) noexcept;
   void shrink(std::size_t allowed) noexcept;
   void widen(std::size_t plane) noexcept;

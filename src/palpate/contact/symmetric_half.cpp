@@ -25,9 +25,10 @@ std::size_t begin_of(std::size_t i, std::size_t j, std::size_t b) noexcept {
 
 // Eight rows at a time: A against the columns before these, both ways, their u by its force, and what theirs
 // do to it; among the eight one way, as all of it is there. Two of them together, for what the registers
-// hold.
-PALPATE_CLONES void multiply(const float* v, std::size_t plane, std::size_t n, const float* f,
-                             float* u) noexcept {
+// hold. take: from v on, x, y, z of eight columns of either row, and v to the next.
+template <class T, class Take>
+[[gnu::always_inline]] inline void multiply_half(const T* v, std::size_t plane, std::size_t n, const float* f,
+                                                 float* u, const Take& take) noexcept {
   for (std::size_t first = 0; first < n; first += lanes) {
     Lanes sums[3][lanes];
     for (std::size_t l = 0; l < lanes; l += together) {
@@ -35,28 +36,35 @@ PALPATE_CLONES void multiply(const float* v, std::size_t plane, std::size_t n, c
       const float px = f[i], py = f[plane + i], pz = f[2 * plane + i];
       const float qx = f[i + 1], qy = f[plane + i + 1], qz = f[2 * plane + i + 1];
       Lanes p0 = {}, p1 = {}, p2 = {}, q0 = {}, q1 = {}, q2 = {};
-      for (std::size_t b = 0; b < 3; ++b, v += piece) {
+      for (std::size_t b = 0; b < 3; ++b) {
         const float* fb = f + b * plane;
         float* ub = u + b * plane;
-        for (std::size_t k = 0; k < first; k += lanes, v += piece) {
-          const Lanes force = at(fb + k), x = at(v), y = at(v + lanes), z = at(v + 2 * lanes);
-          p0 += x * force, p1 += y * force, p2 += z * force;
-          Lanes moved = (x * px + y * py) + z * pz;
-          const Lanes qc = at(v + part), qd = at(v + part + lanes), qe = at(v + part + 2 * lanes);
+        for (std::size_t k = 0; k <= first; k += lanes) {
+          const Lanes force = at(fb + k);
+          Lanes pc, pd, pe, qc, qd, qe;
+          take(v, pc, pd, pe, qc, qd, qe);
+          p0 += pc * force, p1 += pd * force, p2 += pe * force;
           q0 += qc * force, q1 += qd * force, q2 += qe * force;
-          moved += (qc * qx + qd * qy) + qe * qz;
-          at(ub + k) += moved;
+          if (k < first) at(ub + k) += ((pc * px + pd * py) + pe * pz) + ((qc * qx + qd * qy) + qe * qz);
         }
-        const Lanes force = at(fb + first);
-        p0 += at(v) * force, p1 += at(v + lanes) * force, p2 += at(v + 2 * lanes) * force;
-        q0 += at(v + part) * force, q1 += at(v + part + lanes) * force;
-        q2 += at(v + part + 2 * lanes) * force;
       }
       sums[0][l] = p0, sums[1][l] = p1, sums[2][l] = p2;
       sums[0][l + 1] = q0, sums[1][l + 1] = q1, sums[2][l + 1] = q2;
     }
     for (std::size_t a = 0; a < 3; ++a) add_totals(sums[a], at(u + a * plane + first));
   }
+}
+
+PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t n, const float* f,
+                             float* u) noexcept {
+  multiply_half(
+      values, plane, n, f, u,
+      [](const float*& v, Lanes& pc, Lanes& pd, Lanes& pe, Lanes& qc, Lanes& qd, Lanes& qe)
+          __attribute__((always_inline)) {
+            pc = at(v), pd = at(v + lanes), pe = at(v + 2 * lanes);
+            qc = at(v + part), qd = at(v + part + lanes), qe = at(v + part + 2 * lanes);
+            v += piece;
+          });
 }
 
 // A word is two numbers of 16 bits, 65536 times the first plus the second: as a whole it is the first, to the
@@ -94,36 +102,17 @@ PALPATE_CLONES void pack(const float* values, const float* inverse, const float*
   }
 }
 
-// The same as multiply(), from pairs.
-PALPATE_CLONES void multiply_pairs(const std::int32_t* v, std::size_t plane, std::size_t n, const float* f,
-                                   float* u) noexcept {
-  for (std::size_t first = 0; first < n; first += lanes) {
-    Lanes sums[3][lanes];
-    for (std::size_t l = 0; l < lanes; l += together) {
-      const std::size_t i = first + l;
-      const float px = f[i], py = f[plane + i], pz = f[2 * plane + i];
-      const float qx = f[i + 1], qy = f[plane + i + 1], qz = f[2 * plane + i + 1];
-      Lanes p0 = {}, p1 = {}, p2 = {}, q0 = {}, q1 = {}, q2 = {};
-      for (std::size_t b = 0; b < 3; ++b) {
-        const float* fb = f + b * plane;
-        float* ub = u + b * plane;
-        for (std::size_t k = 0; k <= first; k += lanes, v += part) {
-          const Lanes force = at(fb + k);
-          Lanes pc, pd, pe, qc, qd, qe;
-          unpack(at(v), pc, qc), unpack(at(v + lanes), pd, qd);
-          unpack(at(v + 2 * lanes), pe, qe);
-          p0 += pc * force, p1 += pd * force, p2 += pe * force;
-          q0 += qc * force, q1 += qd * force, q2 += qe * force;
-          if (k == first) break;
-          at(ub + k) += ((pc * px + pd * py) + pe * pz) + ((qc * qx + qd * qy) + qe * qz);
-        }
-        v += part;
-      }
-      sums[0][l] = p0, sums[1][l] = p1, sums[2][l] = p2;
-      sums[0][l + 1] = q0, sums[1][l + 1] = q1, sums[2][l + 1] = q2;
-    }
-    for (std::size_t a = 0; a < 3; ++a) add_totals(sums[a], at(u + a * plane + first));
-  }
+// The same from pairs.
+PALPATE_CLONES void multiply_pairs(const std::int32_t* pairs, std::size_t plane, std::size_t n,
+                                   const float* f, float* u) noexcept {
+  multiply_half(
+      pairs, plane, n, f, u,
+      [](const std::int32_t*& v, Lanes& pc, Lanes& pd, Lanes& pe, Lanes& qc, Lanes& qd, Lanes& qe)
+          __attribute__((always_inline)) {
+            unpack(at(v), pc, qc), unpack(at(v + lanes), pd, qd);
+            unpack(at(v + 2 * lanes), pe, qe);
+            v += part;
+          });
 }
 
 }  // namespace

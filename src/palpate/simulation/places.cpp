@@ -233,12 +233,12 @@ ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t tria
   double most = -1;
   for (std::size_t k = 0; k < 3; ++k) {
     const Index node = model.organ.surface.triangles[triangle][k];
-    c.rest += weights[static_cast<int>(k)] * model.organ.contact_points[at(node)];
     if (model.organ.row_of[at(node)] >= 0 && weights[static_cast<int>(k)] > most)
       c.node = node, most = weights[static_cast<int>(k)];
   }
   c.row = model.organ.row_of[at(c.node)];
-  c.rest -= w.faces.allowance(triangle, instrument, weights) * w.faces.faces[triangle].normal;
+  c.rest = rest_at(model.organ, triangle, weights) -
+           w.faces.allowance(triangle, instrument, weights) * w.faces.faces[triangle].normal;
   return c;
 }
 

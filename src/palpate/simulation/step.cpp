@@ -316,12 +316,8 @@ namespace {
 void find_depths_at_rest(const Model& model, Outcome& outcome) noexcept {
   outcome.deepest_before = 0;
   const auto rest_of = [&](const Contact& c) {
-    if (c.triangle < 0) return model.organ.contact_points[at(c.node)];
-    Vec3 rest = Vec3::Zero();
-    for (std::size_t k = 0; k < 3; ++k)
-      rest += c.weights[static_cast<int>(k)] *
-              model.organ.contact_points[at(model.organ.surface.triangles[at(c.triangle)][k])];
-    return rest;
+    return c.triangle < 0 ? model.organ.contact_points[at(c.node)]
+                          : rest_at(model.organ, at(c.triangle), c.weights);
   };
   std::array<Vec3, 32> own;
   std::array<Gap, 32> found;

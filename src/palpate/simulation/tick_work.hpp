@@ -247,6 +247,13 @@ double clearance(const StepScratch& w, std::size_t instrument, Index node);
 
 // places.cpp
 
+// Where a place on a triangle is at rest, m.
+inline Vec3 rest_at(const Organ& organ, std::size_t triangle, const Vec3& weights) {
+  Vec3 rest = Vec3::Zero();
+  for (std::size_t k = 0; k < 3; ++k)
+    rest += weights[static_cast<int>(k)] * organ.contact_points[at(organ.surface.triangles[triangle][k])];
+  return rest;
+}
 // A place on a triangle, without displacement, path and force.
 ContactPoint place_at(const Model& model, const StepScratch& w, std::size_t triangle, std::size_t instrument,
                       const Vec3& weights);
