@@ -22,8 +22,9 @@ struct PlacedShape {
   double band = 0;    // palpate::band(shape), m
 
   PlacedShape(const Shape& s, const Pose& shape_to_organ) noexcept;
-  // In the shape's frame.
+  // In the shape's frame, and back.
   Vec3 own(const Vec3& p) const noexcept { return turn.transpose() * (p - to_organ.translation); }
+  Vec3 in_organ(const Vec3& own) const noexcept { return turn * own + to_organ.translation; }
   double distance(const Vec3& p) const noexcept { return palpate::distance(*shape, own(p)); }
   // The same, but no more than the band: changes by no more than lipschitz times the way.
   double distance_in_band(const Vec3& p) const noexcept { return std::min(distance(p), band); }

@@ -26,16 +26,19 @@ constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;  // turns; of the 
 constexpr double little_turned = 0.02, hardly_turned = 1e-4;
 constexpr double any = std::numeric_limits<double>::infinity();
 // Where all is as foreseen the first turn does it. Else the next one does what is a twentieth.
-constexpr ContactSolver::Enough as_foreseen{0.8, 0, 0.4}, in_motion{0.3, 0.05, any}, at_rest{0.02, 0.05, any};
-constexpr int most_products = 12;      // of a step for friction
-constexpr double reduced = 0.3;        // of its residual, by which it is reduced
-constexpr double stiffest = 1e-4;      // way of a step, of what each point alone would give: less is rounding
-constexpr double longest_rough = 2;    // step of which a rough product tells what it moves
-constexpr double negligible = 2e-4;    // of the sum of the pressures: friction that is as much off is right
-constexpr double rough_share = 0.005;  // of the tolerance: what a product may be off
-constexpr double linear_share = 0.1;   // of the tolerance: how exactly pressures are solved for
-constexpr double loose = 0.01;         // and of what the gaps are off before
-constexpr double settled = 1e-3;       // of the sum of the pressures: change of all friction in a sweep
+constexpr ContactSolver::Enough as_foreseen{0.9, 0, 0.5}, in_motion{0.3, 0.05, any}, at_rest{0.02, 0.05, any};
+constexpr int most_products = 12;     // of a step for friction
+constexpr double reduced = 0.3;       // of its residual, by which it is reduced
+constexpr double stiffest = 1e-4;     // way of a step, of what each point alone would give: less is rounding
+constexpr double longest_rough = 2;   // step of which a rough product tells what it moves
+constexpr double negligible = 2e-4;   // of the sum of the pressures: friction that is as much off is right
+constexpr double rough_share = 0.02;  // of the tolerance: what a product may be off
+// Of the sum of the pressures, without friction: what foreseen forces may be off their normals for a tick,
+// which spares a product. It is a tenth of what their turning may leave.
+constexpr double hardly_askew = 1e-4;
+constexpr double linear_share = 0.1;  // of the tolerance: how exactly pressures are solved for
+constexpr double loose = 0.01;        // and of what the gaps are off before
+constexpr double settled = 1e-3;      // of the sum of the pressures: change of all friction in a sweep
 
 }  // namespace
 
@@ -111,7 +114,7 @@ double ContactSolver::press(const ContactBlock& block, std::span<const ContactPo
   for (std::size_t i = 0; i < m; ++i) {
     const ContactPoint& c = points[i];
     Vec3 friction = force_[i] - start_[i] * c.normal;
-    const double size = friction.norm(), most = std::max(0.0, mu * pressure_[i]);
+    const double size = friction.norm(), most = askew_ ? size : std::max(0.0, mu * pressure_[i]);
     if (size > most || (slips_[i] && size > 0)) friction *= most / size;
     const bool pressed = pressure_[i] > 0 || c.grasped;
     change_force(block, c, i,
@@ -232,6 +235,16 @@ double ContactSolver::rub_in_turn(const ContactBlock& block, std::span<const Con
   return change;
 }
 
+// Whether forces without friction are so near their normals that they may stay as they are.
+bool ContactSolver::hardly_off_normals(std::span<const ContactPoint> points) const noexcept {
+  double askew = 0, all = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double p = points[i].normal.dot(force_[i]);
+    askew += (force_[i] - p * points[i].normal).norm(), all += std::abs(p);
+  }
+  return askew <= hardly_askew * all;
+}
+
 // Before a turn: no pull, no friction where there can be none, and what slips on its circle. first: the
 // foreseen forces have not moved the points yet.
 void ContactSolver::put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
@@ -313,7 +326,8 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
     }
     normals_.update(block, points, turn == 1 && limits.predicted ? little_turned : hardly_turned);
     pulls_ = moved && turn == 1;
-    put_on_circles(block, points, by_newton ? mu : -1, turn == 1);
+    askew_ = pulls_ && hardly_off_normals(points);
+    if (!askew_) put_on_circles(block, points, by_newton ? mu : -1, turn == 1);
     double change = 0;
     if (mu == 0 || !by_newton || turn == 1) move(block);
     if (mu > 0 && turn == 1 && !limits.predicted)

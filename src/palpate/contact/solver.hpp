@@ -166,6 +166,7 @@ class ContactSolver {
   void change_force(const ContactBlock& block, const ContactPoint& c, std::size_t i, const Vec3& d) noexcept;
   void add_product(const ContactBlock& block, std::span<const float> forces, std::span<float> moved) noexcept;
   void move(const ContactBlock& block) noexcept;
+  bool hardly_off_normals(std::span<const ContactPoint> points) const noexcept;
   void put_on_circles(const ContactBlock& block, std::span<const ContactPoint> points, double mu,
                       bool first) noexcept;
   double press(const ContactBlock& block, std::span<const ContactPoint> points, double mu, double tolerance,
@@ -202,6 +203,7 @@ class ContactSolver {
   double rough_ = 0;  // m: what a product may be off
   bool pending_ = false;
   bool pulls_ = false;                        // forces that pull are left to the pressures
+  bool askew_ = false;                        // what is off the normals stays
   std::vector<double> own_, weight_, curve_;  // of each point, see rub()
   std::vector<Vec3> change_of_, residual_, search_, step_of_, along_circle_;
   std::vector<std::uint8_t> slips_;  // of each point

@@ -171,24 +171,38 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
   w.candidates.clear();
   // The surface is float32: what it says is off by less than the tolerance.
   const double near = reach + w.tolerance, swept = near + way_through(w, instrument);
+  const auto add = [&](Index node, double d, double clear) {
+    if (clear > swept + lipschitz * static_cast<double>(w.softness[at(node)]) * w.travel.come_at_most) return;
+    add_near(w, node);
+    if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near, drifted))
+      w.candidates.push_back(node);
+  };
+  // Those whose distance is not remembered are looked at many at a time.
+  std::array<Index, 32> open;
+  std::array<Vec3, open.size()> own;
+  std::array<Gap, open.size()> gap;
+  std::size_t count = 0;
+  const auto look = [&] {
+    gaps(*shape.shape, std::span(own).first(count), gap);
+    for (std::size_t k = 0; k < count; ++k) {
+      const Index node = open[k];
+      const double d = gap[k].distance;
+      const double clear = d - lipschitz * static_cast<double>(w.softness[at(node)]) * drifted;
+      if (surface.loads.u_known && clear > clearance(w, instrument, node))
+        remember(w, instrument, node, clear, expected(w, node));
+      add(node, d, clear);
+    }
+    count = 0;
+  };
   look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept,
-            drifted + w.travel.come_at_most, [&](Index node, double within) {
+            drifted + w.travel.come_at_most, [&](Index node, double) {
               if (points[node] >= 0) return;
-              const auto softness = lipschitz * static_cast<double>(w.softness[at(node)]);
-              const Vec3& p = surface.positions[at(node)];
               const double remembered = clearance(w, instrument, node);
-              double clear = remembered, d = clear;
-              if (!(clear > swept)) {
-                if (!shape.may_be_nearer(p, within)) return;
-                d = shape.distance(p), clear = d - softness * drifted;
-                if (surface.loads.u_known && clear > remembered)
-                  remember(w, instrument, node, clear, expected(w, node));
-              }
-              if (clear > swept + softness * w.travel.come_at_most) return;
-              add_near(w, node);
-              if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near, drifted))
-                w.candidates.push_back(node);
+              if (remembered > swept) return add(node, remembered, remembered);
+              open[count] = node, own[count] = shape.own(surface.positions[at(node)]);
+              if (++count == open.size()) look();
             });
+  look();
 }
 
 // Whether the node, displaced by u, is near where it is foreseen to be: as far as an eighth of the ways. Else
@@ -221,13 +235,17 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     if (held) w.held_back.push_back({node, instrument});
     return held;
   };
+  // Then what may come to touch is no farther than `swept`.
+  const bool still = looked_at || w.travel.come == 0;
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
+    const double clear = clearance(w, instrument, node);
+    if (still && clear >= swept) continue;
     const Expected there = expected(w, node);
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const double way = way_through(w, instrument, come_at_most(w, node, there));
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
-    if (clearance(w, instrument, node) >= (looked_at ? swept : within)) continue;
+    if (!still && clear >= within) continue;
     const Vec3& rest = model.organ.contact_points[at(node)];
     const double about = shape.distance_in_band(rest + there.u), off = lipschitz * there.off;
     if (about - off >= within || hold_back(node, about - off, about + off, there)) {
@@ -343,7 +361,7 @@ void detect(const Model& model, State& state, const Surface& surface) {
     }
     --lost;
     p->held = model.settings.friction > 0;
-    p->reference = w.shapes[i].to_organ * c.touched - p->rest;
+    p->reference = w.shapes[i].in_organ(c.touched) - p->rest;
   }
   if (lost > 0) w.moved_forces = true;
   for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again

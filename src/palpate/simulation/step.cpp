@@ -230,6 +230,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
 // Contacts in the world, and what the instruments feel.
 void report(State& state) {
   StepScratch& w = *state.scratch;
+  const Mat3 turn = state.organ.rotation.toRotationMatrix();
   state.deepest_after = std::max(state.deepest_after, w.left);
   state.contacts.clear(), w.paths.clear();
   for (Wrench& wrench : state.wrenches) wrench = {};
@@ -244,10 +245,10 @@ void report(State& state) {
     const Vec3 now = p.rest + p.u;
     c.gap_after = p.grasped ? shape.distance(now) : p.gap;
     if (p.triangle >= 0) gap_by_path(shape, p.path, now, &p.path);
-    c.from = p.path.known ? p.path.from : Vec3(shape.to_shape * now);
-    c.touched = shape.to_shape * (p.sticks ? Vec3(p.rest + p.reference) : now);
-    c.force_in_organ = force, c.force = state.organ.rotation * force;
-    c.point = state.organ * now;
+    c.from = p.path.known ? p.path.from : shape.own(now);
+    c.touched = shape.own(p.sticks ? Vec3(p.rest + p.reference) : now);
+    c.force_in_organ = force, c.force = turn * force;
+    c.point = turn * now + state.organ.translation;
     state.contacts.push_back(c), w.paths.push_back(p.path);
     Wrench& wrench = state.wrenches[at(p.instrument)];
     const Vec3 arm = c.point - state.instruments[at(p.instrument)].translation;
