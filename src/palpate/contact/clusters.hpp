@@ -65,9 +65,9 @@ struct ClusterBounds {
   void update(const Clusters& of, std::span<const Vec3> positions) noexcept;
 };
 
-// Calls look(node, within) for the nodes of the clusters that may hold one nearer to the shape than `reach`
-// (m) when each has moved from `positions` by up to its softness times `drift`: those whose distance there
-// may be less than `within`. In the order of the clusters.
+// Calls look(node) for the nodes of the clusters that may hold one nearer to the shape than `reach` (m) when
+// each has moved from `positions` by up to its softness times `drift`, but for those that are clearly not. In
+// the order of the clusters.
 template <class Look>
 void look_near(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
                const PlacedShape& shape, double reach, double drift, Look&& look) noexcept {
@@ -92,7 +92,7 @@ void look_near(const Clusters& clusters, const ClusterBounds& bounds, std::span<
         const double within = reach + drift * static_cast<double>(clusters.softness[i]);
         const double off = from_center - within;  // the ball's centre is so much too far, and p not nearer
         if (off > 0 && (p - ball.center).squaredNorm() < off * off) continue;
-        look(clusters.nodes[i], within);
+        look(clusters.nodes[i]);
       }
     }
   }
@@ -102,11 +102,11 @@ void look_near(const Clusters& clusters, const ClusterBounds& bounds, std::span<
 template <class Found>
 void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
                 const PlacedShape& shape, double reach, Found&& found) noexcept {
-  look_near(clusters, bounds, positions, shape, reach, 0, [&](Index node, double within) {
+  look_near(clusters, bounds, positions, shape, reach, 0, [&](Index node) {
     const Vec3& p = positions[static_cast<std::size_t>(node)];
-    if (!shape.may_be_nearer(p, within)) return;
+    if (!shape.may_be_nearer(p, reach)) return;
     const double d = shape.distance(p);
-    if (d < within) found(node, d);
+    if (d < reach) found(node, d);
   });
 }
 

@@ -195,7 +195,7 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
     count = 0;
   };
   look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept,
-            drifted + w.travel.come_at_most, [&](Index node, double) {
+            drifted + w.travel.come_at_most, [&](Index node) {
               if (points[node] >= 0) return;
               const double remembered = clearance(w, instrument, node);
               if (remembered > swept) return add(node, remembered, remembered);
@@ -235,17 +235,13 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
     if (held) w.held_back.push_back({node, instrument});
     return held;
   };
-  // Then what may come to touch is no farther than `swept`.
-  const bool still = looked_at || w.travel.come == 0;
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
-    const double clear = clearance(w, instrument, node);
-    if (still && clear >= swept) continue;
     const Expected there = expected(w, node);
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const double way = way_through(w, instrument, come_at_most(w, node, there));
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
-    if (!still && clear >= within) continue;
+    if (clearance(w, instrument, node) >= (looked_at ? swept : within)) continue;
     const Vec3& rest = model.organ.contact_points[at(node)];
     const double about = shape.distance_in_band(rest + there.u), off = lipschitz * there.off;
     if (about - off >= within || hold_back(node, about - off, about + off, there)) {
