@@ -1,7 +1,6 @@
 #include "palpate/contact/contact_block.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "palpate/base/clones.hpp"
@@ -11,76 +10,77 @@ namespace palpate {
 
 namespace {
 
-// Three rows of C, `ld` apart, and the force along them.
-struct Triple {
-  const float* rows;
+// From an element (a, b) of a row to (a + 1, b).
+constexpr std::size_t along = 3 * lanes;
+static_assert(element_at(lanes, 1) == 9 * lanes + along);
+
+// A slot's row and the force on it.
+struct Loaded {
+  const float* row;
   float x, y, z;
 };
 
 // out += a force's part, each entry by itself, so its bits do not depend on where it stands.
-PALPATE_CLONES void add(const Triple& t, std::size_t ld, std::size_t n, float* __restrict out) noexcept {
-  const float *x = t.rows, *y = x + ld, *z = y + ld;
-  for (std::size_t i = 0; i < n; ++i) out[i] += (x[i] * t.x + y[i] * t.y) + z[i] * t.z;
+PALPATE_CLONES void add(const Loaded& t, std::size_t slots, std::size_t plane,
+                        float* __restrict out) noexcept {
+  for (std::size_t k = 0; k < slots; k += lanes)
+    for (std::size_t b = 0; b < 3; ++b) {
+      const float* x = t.row + element_at(k, 0, b);
+      float* to = out + b * plane + k;
+      for (std::size_t l = 0; l < lanes; ++l)
+        to[l] += (x[l] * t.x + x[l + along] * t.y) + x[l + 2 * along] * t.z;
+    }
 }
 
 // The same of four forces, whose sum alone is float32: its error is far below that of C.
-PALPATE_CLONES void add(const Triple* t, std::size_t ld, std::size_t n, double* __restrict out) noexcept {
-  const Triple a = t[0], b = t[1], c = t[2], d = t[3];
-  const float *ax = a.rows, *ay = ax + ld, *az = ay + ld, *bx = b.rows, *by = bx + ld, *bz = by + ld;
-  const float *cx = c.rows, *cy = cx + ld, *cz = cy + ld, *dx = d.rows, *dy = dx + ld, *dz = dy + ld;
-  for (std::size_t i = 0; i < n; ++i)
-    out[i] += static_cast<double>(
-        (((ax[i] * a.x + ay[i] * a.y) + az[i] * a.z) + ((bx[i] * b.x + by[i] * b.y) + bz[i] * b.z)) +
-        (((cx[i] * c.x + cy[i] * c.y) + cz[i] * c.z) + ((dx[i] * d.x + dy[i] * d.y) + dz[i] * d.z)));
+PALPATE_CLONES void add(const Loaded* t, std::size_t slots, std::size_t plane,
+                        double* __restrict out) noexcept {
+  const Loaded a = t[0], b = t[1], c = t[2], d = t[3];
+  const auto part = [](const Loaded& l, std::size_t i) __attribute__((always_inline)) {
+    return (l.row[i] * l.x + l.row[i + along] * l.y) + l.row[i + 2 * along] * l.z;
+  };
+  for (std::size_t k = 0; k < slots; k += lanes)
+    for (std::size_t e = 0; e < 3; ++e) {
+      const std::size_t first = element_at(k, 0, e);
+      double* to = out + e * plane + k;
+      for (std::size_t l = 0; l < lanes; ++l)
+        to[l] += static_cast<double>((part(a, first + l) + part(b, first + l)) +
+                                     (part(c, first + l) + part(d, first + l)));
+    }
 }
 
-// Three rows of C times forces, in whole lanes.
-PALPATE_CLONES void dot_rows(const float* rows, std::size_t ld, std::size_t slots, const float* f,
-                             std::size_t plane, float* u) noexcept {
+// A slot's row times forces, in whole lanes.
+PALPATE_CLONES void dot_row(const float* row, std::size_t slots, const float* f, std::size_t plane,
+                            float* u) noexcept {
   Lanes sx = {}, sy = {}, sz = {};
-  for (std::size_t b = 0; b < 3; ++b) {
-    const float *x = rows + b * ld, *y = x + 3 * ld, *z = y + 3 * ld, *fb = f + b * plane;
-    for (std::size_t k = 0; k < slots; k += lanes) {
-      const Lanes force = at(fb + k);
-      sx += at(x + k) * force, sy += at(y + k) * force, sz += at(z + k) * force;
+  for (std::size_t k = 0; k < slots; k += lanes)
+    for (std::size_t b = 0; b < 3; ++b) {
+      const float* c = row + element_at(k, 0, b);
+      const Lanes force = at(f + b * plane + k);
+      sx += at(c) * force, sy += at(c + along) * force, sz += at(c + 2 * along) * force;
     }
-  }
   u[0] = total(sx), u[1] = total(sy), u[2] = total(sz);
 }
 
 // The same of two loads, in the same bits.
-PALPATE_CLONES void dot_rows(const float* rows, std::size_t ld, std::size_t slots, const float* f,
-                             const float* g, std::size_t plane, float* u) noexcept {
+PALPATE_CLONES void dot_row(const float* row, std::size_t slots, const float* f, const float* g,
+                            std::size_t plane, float* u) noexcept {
   Lanes fx = {}, fy = {}, fz = {}, gx = {}, gy = {}, gz = {};
-  for (std::size_t b = 0; b < 3; ++b) {
-    const float *x = rows + b * ld, *y = x + 3 * ld, *z = y + 3 * ld, *fb = f + b * plane,
-                *gb = g + b * plane;
-    for (std::size_t k = 0; k < slots; k += lanes) {
-      const Lanes one = at(fb + k), other = at(gb + k), cx = at(x + k), cy = at(y + k), cz = at(z + k);
+  for (std::size_t k = 0; k < slots; k += lanes)
+    for (std::size_t b = 0; b < 3; ++b) {
+      const float* c = row + element_at(k, 0, b);
+      const Lanes one = at(f + b * plane + k), other = at(g + b * plane + k);
+      const Lanes cx = at(c), cy = at(c + along), cz = at(c + 2 * along);
       fx += cx * one, fy += cy * one, fz += cz * one;
       gx += cx * other, gy += cy * other, gz += cz * other;
     }
-  }
   u[0] = total(fx), u[1] = total(fy), u[2] = total(fz);
   u[3] = total(gx), u[4] = total(gy), u[5] = total(gz);
-}
-
-// So many numbers of each row to where it begins when rows stand otherwise apart. They stand close, so that
-// what a product reads is one stream.
-void move_rows(float* values, std::size_t apart, std::size_t then, std::size_t rows, std::size_t n) noexcept {
-  const auto move = [&](std::size_t r) {
-    std::memmove(values + r * then, values + r * apart, n * sizeof(float));
-  };
-  if (then > apart)
-    for (std::size_t r = rows; r-- > 0;) move(r);
-  else
-    for (std::size_t r = 0; r < rows; ++r) move(r);
 }
 
 // Rows of new slots are fetched so many at a time.
 constexpr std::size_t at_once = 32;
 
-constexpr std::size_t least_plane = 64;
 // Slots that a call moves at most to close gaps: what that costs is spread over calls.
 constexpr int most_moves = 2;
 
@@ -89,11 +89,10 @@ constexpr int most_moves = 2;
 ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_t rows, std::size_t combined)
     : capacity_(capacity),
       watchable_(watched),
-      first_watched_((capacity + combined + 15) / 16 * 16),
-      plane_(std::min(first_watched_, least_plane)),
-      values_(9 * first_watched_ * first_watched_),
+      // An odd number of sixteens: what stands at the same place of all rows shall not share a cache's sets.
+      first_watched_((capacity + combined + 15) / 16 * 16 | 16),
+      values_(9 * first_watched_ * (first_watched_ + watched)),
       half_(first_watched_),
-      watched_values_(9 * watched * first_watched_),
       fetched_(9 * at_once * capacity),
       slot_of_row_(rows, -1),
       row_of_slot_(first_watched_ + watched, -1),
@@ -106,46 +105,37 @@ ContactBlock::ContactBlock(std::size_t capacity, std::size_t watched, std::size_
       rows_(std::max(capacity, at_once)),
       taken_(capacity) {
   std::fill_n(values_.data(), values_.size(), 0.0f);  // touch every page now, not in the first ticks
-  std::fill_n(watched_values_.data(), watched_values_.size(), 0.0f);
 }
 
 Mat3 ContactBlock::between(Index i, Index j) const noexcept {
   Mat3 c;
   for (int a = 0; a < 3; ++a)
     for (int b = 0; b < 3; ++b)
-      c(a, b) =
-          static_cast<double>(row(i, a)[static_cast<std::size_t>(b) * plane_ + static_cast<std::size_t>(j)]);
+      c(a, b) = static_cast<double>(row(i)[element_at(
+          static_cast<std::size_t>(j), static_cast<std::size_t>(a), static_cast<std::size_t>(b))]);
   return c;
 }
 
 void ContactBlock::spread(std::span<const Index> loaded, std::span<const Vec3> forces,
                           std::span<float> planes) const noexcept {
   for (std::size_t b = 0; b < 3; ++b) {
-    std::fill_n(planes.data() + b * plane_, width(), 0.0f);
+    std::fill_n(planes.data() + b * plane(), width(), 0.0f);
     for (std::size_t k = 0; k < loaded.size(); ++k)
-      planes[b * plane_ + static_cast<std::size_t>(loaded[k])] =
+      planes[b * plane() + static_cast<std::size_t>(loaded[k])] =
           static_cast<float>(forces[k][static_cast<int>(b)]);
   }
 }
 
-std::pair<const float*, std::size_t> ContactBlock::rows_of(Index slot) const noexcept {
-  if (is_loadable(slot)) return {row(slot, 0), plane_};
-  const auto s = static_cast<std::size_t>(slot);
-  return {watched_values_.data() + watched_at(s), known_[s - first_watched_].plane};
-}
-
 Vec3 ContactBlock::displacement(Index slot, std::span<const float> forces) const noexcept {
   float u[3];
-  const auto [rows, ld] = rows_of(slot);
-  dot_rows(rows, ld, width(), forces.data(), plane_, u);
+  dot_row(row(slot), width(), forces.data(), plane(), u);
   return Vec3f(u[0], u[1], u[2]).cast<double>();
 }
 
 std::array<Vec3, 2> ContactBlock::displacement(Index slot, std::span<const float> forces,
                                                std::span<const float> others) const noexcept {
   float u[6];
-  const auto [rows, ld] = rows_of(slot);
-  dot_rows(rows, ld, width(), forces.data(), others.data(), plane_, u);
+  dot_row(row(slot), width(), forces.data(), others.data(), plane(), u);
   return {Vec3f(u[0], u[1], u[2]).cast<double>(), Vec3f(u[3], u[4], u[5]).cast<double>()};
 }
 
@@ -167,34 +157,25 @@ Vec3 ContactBlock::displacement(const float* rows, std::span<const Vec3> forces)
 
 void ContactBlock::displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
                                  std::span<double> u) const noexcept {
-  for (std::size_t b = 0; b < 3; ++b) {
-    double* to = u.data() + b * plane_;
-    std::fill_n(to, width(), 0.0);
-    for (std::size_t k = 0; k < loaded.size(); k += 4) {
-      std::array<Triple, 4> four;
-      for (std::size_t l = 0; l < 4; ++l) {
-        const bool there = k + l < loaded.size();
-        const Vec3f f = there ? Vec3f(forces[k + l].cast<float>()) : Vec3f(Vec3f::Zero());
-        four[l] = {row(loaded[there ? k + l : k], 0) + b * plane_, f[0], f[1], f[2]};
-      }
-      add(four.data(), 3 * plane_, width(), to);
+  for (std::size_t b = 0; b < 3; ++b) std::fill_n(u.data() + b * plane(), width(), 0.0);
+  for (std::size_t k = 0; k < loaded.size(); k += 4) {
+    std::array<Loaded, 4> four;
+    for (std::size_t l = 0; l < 4; ++l) {
+      const bool there = k + l < loaded.size();
+      const Vec3f f = there ? Vec3f(forces[k + l].cast<float>()) : Vec3f(Vec3f::Zero());
+      four[l] = {row(loaded[there ? k + l : k]), f[0], f[1], f[2]};
     }
+    add(four.data(), width(), plane(), u.data());
   }
 }
 
 void ContactBlock::add_displacements(Index loaded, const Vec3& force, std::span<float> u) const noexcept {
   const Vec3f f = force.cast<float>();
-  for (std::size_t b = 0; b < 3; ++b)
-    add({row(loaded, 0) + b * plane_, f[0], f[1], f[2]}, 3 * plane_, width(), u.data() + b * plane_);
+  add({row(loaded), f[0], f[1], f[2]}, width(), plane(), u.data());
 }
 
 void ContactBlock::add_product(std::span<const float> f, std::span<float> u) const noexcept {
-  half_.add_product(used(), plane_, f, u);
-}
-
-void ContactBlock::widen(std::size_t plane) noexcept {
-  move_rows(values_.data(), plane_, plane, 9 * used_, used_);
-  plane_ = plane;
+  half_.add_product(used(), plane(), f, u);
 }
 
 // Another row in a loadable slot.
@@ -207,12 +188,12 @@ void ContactBlock::fill(std::size_t slot, Index row) noexcept {
 
 // A loadable slot's row and column.
 void ContactBlock::move_slot(std::size_t from, std::size_t to) noexcept {
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t b = 0; b < 3; ++b)
-      std::copy_n(values_of(from, a) + b * plane_, used_, values_of(to, a) + b * plane_);
-  for (std::size_t r = 0; r < 9 * used_; ++r)  // places
-    values_[r * plane_ + to] = values_[r * plane_ + from];
-  half_.set(to, values_of(to, 0), plane_, used_);
+  std::copy_n(row_of_values(from), row_size(), row_of_values(to));
+  for (std::size_t i = 0; i < used_; ++i) {
+    float* const row = row_of_values(i);
+    for (std::size_t e = 0; e < 9; ++e) row[element_at(to) + e * lanes] = row[element_at(from) + e * lanes];
+  }
+  half_.set(to, row_of_values(to), used_);
   wanted_[to] = wanted_[from];
   fill(to, row_of_slot_[from]);
 }
@@ -258,10 +239,10 @@ void ContactBlock::fetch(const Compliance& compliance, std::span<const Index> sl
           for (std::size_t b = 0; b < 3; ++b) {
             const auto i = static_cast<std::size_t>(some[k]);
             const float c = fetched_[(3 * k + a) * ld + 3 * j + b];
-            values_of(i, a)[b * plane_ + j] = values_of(j, b)[a * plane_ + i] = c;
+            row_of_values(i)[element_at(j, a, b)] = row_of_values(j)[element_at(i, b, a)] = c;
           }
   }
-  for (const Index slot : slots) half_.set(static_cast<std::size_t>(slot), row(slot, 0), plane_, used_);
+  for (const Index slot : slots) half_.set(static_cast<std::size_t>(slot), row(slot), used_);
 }
 
 // A new one, or the next that has not been asked for since the last time round.
@@ -284,7 +265,7 @@ Index ContactBlock::watch(const Compliance& compliance, Index watched) noexcept 
   const auto slot = static_cast<std::size_t>(own);
   Known& known = known_[slot - first_watched_];
   known.asked = true;
-  if (is_new) known = {0, plane_, true};
+  if (is_new) known.fills = 0;
   update_watched(compliance, slot);
   return own;
 }
@@ -307,62 +288,56 @@ std::size_t ContactBlock::find_filled_since(std::uint64_t fills) noexcept {
   return n;
 }
 
-// A watched row's planes as long as the block's now, and what it lacks of the slots filled since.
+// What a watched row lacks of the slots filled since.
 void ContactBlock::update_watched(const Compliance& compliance, std::size_t watched) noexcept {
-  Known& known = known_[watched - first_watched_];
-  float* const row = watched_values_.data() + watched_at(watched);
-  if (known.plane != plane_) {
-    move_rows(row, known.plane, plane_, 9, std::min({known.plane, plane_, used_}));
-    known.plane = plane_;
-  }
-  const std::size_t n = find_filled_since(std::exchange(known.fills, fills_)), ld = 3 * n;
+  float* const row = row_of_values(watched);
+  const std::size_t n = find_filled_since(std::exchange(known_[watched - first_watched_].fills, fills_));
   if (n == 0) return;
-  compliance.block({&row_of_slot_[watched], 1}, {rows_.data(), n}, {fetched_.data(), 3 * ld}, ld);
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t j = 0; j < n; ++j)
+  compliance.block({&row_of_slot_[watched], 1}, {rows_.data(), n}, {fetched_.data(), 9 * n}, 3 * n);
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t a = 0; a < 3; ++a)
       for (std::size_t b = 0; b < 3; ++b)
-        row[(3 * a + b) * plane_ + static_cast<std::size_t>(since_[j])] = fetched_[a * ld + 3 * j + b];
+        row[element_at(static_cast<std::size_t>(since_[j]), a, b)] = fetched_[3 * (a * n + j) + b];
 }
 
 // A new slot's row from the one that was watched, which is at hand: C's are far apart in memory.
 void ContactBlock::take_watched(const Compliance& compliance, std::size_t watched,
                                 std::size_t slot) noexcept {
   update_watched(compliance, watched);
-  const float* const known = watched_values_.data() + watched_at(watched);
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t b = 0; b < 3; ++b) {
-      const float* const from = known + (3 * a + b) * plane_;
-      std::copy_n(from, used_, values_of(slot, a) + b * plane_);
-      for (std::size_t j = 0; j < used_; ++j) values_of(j, b)[a * plane_ + slot] = from[j];
-    }
-  half_.set(slot, values_of(slot, 0), plane_, used_);
+  std::copy_n(row_of_values(watched), row_size(), row_of_values(slot));
+  mirror(slot, used_);
+  half_.set(slot, row_of_values(slot), used_);
+}
+
+// The column to a slot's row: C is symmetric.
+void ContactBlock::mirror(std::size_t slot, std::size_t rows) noexcept {
+  const float* const row = row_of_values(slot);
+  for (std::size_t j = 0; j < rows; ++j)
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b) row_of_values(j)[element_at(slot, b, a)] = row[element_at(j, a, b)];
 }
 
 Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept {
   const std::size_t to = used();
   ++combined_;
-  const auto mean = [&](std::size_t a, std::size_t first, std::size_t count, float* out) {
-    std::fill_n(out, count, 0.0f);
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (slots[k] < 0) continue;
-      const auto weight = static_cast<float>(weights[static_cast<int>(k)]);
-      const float* row = values_of(static_cast<std::size_t>(slots[k]), a) + first;
-      for (std::size_t j = 0; j < count; ++j) out[j] += weight * row[j];
+  float* const row = row_of_values(to);
+  const auto mean = [&](std::size_t first, std::size_t count, std::size_t apart) {
+    for (std::size_t e = first; e < first + count * apart; e += apart) {
+      row[e] = 0;
+      for (std::size_t k = 0; k < 3; ++k)
+        if (slots[k] >= 0)
+          row[e] += static_cast<float>(weights[static_cast<int>(k)]) *
+                    row_of_values(static_cast<std::size_t>(slots[k]))[e];
     }
   };
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t b = 0; b < 3; ++b) mean(a, b * plane_, to, values_of(to, a) + b * plane_);
-  for (std::size_t i = 0; i < to; ++i)  // C is symmetric
-    for (std::size_t a = 0; a < 3; ++a)
-      for (std::size_t b = 0; b < 3; ++b) values_of(i, a)[b * plane_ + to] = values_of(to, b)[a * plane_ + i];
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t b = 0; b < 3; ++b) mean(a, b * plane_ + to, 1, values_of(to, a) + b * plane_ + to);
-  half_.set(to, values_of(to, 0), plane_, to + 1);
+  mean(0, row_size(), 1);
+  mirror(to, to);
+  mean(element_at(to), 9, lanes);
+  half_.set(to, row, to + 1);
   return static_cast<Index>(to);
 }
 
-void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows,
-                           std::size_t combined) noexcept {
+void ContactBlock::require(const Compliance& compliance, std::span<const Index> rows) noexcept {
   ++calls_;
   combined_ = 0;
   for (const Index row : rows)
@@ -381,9 +356,6 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
     else
       added_[added++] = slot;
   }
-  const std::size_t need = used_ + combined;
-  if (need > plane_ || (plane_ > least_plane && need < plane_ / 3))
-    widen(std::min(first_watched_, std::max(least_plane, (need + need / 4 + 15) / 16 * 16)));
   fetch(compliance, {added_.data(), added});
   for (const auto& [watched, slot] : std::span(taken_).first(taken))
     take_watched(compliance, static_cast<std::size_t>(watched), static_cast<std::size_t>(slot));

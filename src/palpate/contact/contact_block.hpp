@@ -24,8 +24,8 @@ class ContactBlock {
   // Makes slots for these compliance rows, distinct, at most capacity. Rows of earlier calls stay cached
   // while they are not too many; then the one wanted longest ago makes room. What is watched does not decide
   // which rows are loadable, so of a storage that does not mirror bits those of a loadable row depend on the
-  // earlier calls alone. combined: so many slots will be asked of combine().
-  void require(const Compliance& compliance, std::span<const Index> rows, std::size_t combined = 0) noexcept;
+  // earlier calls alone.
+  void require(const Compliance& compliance, std::span<const Index> rows) noexcept;
   // A slot to watch a row that is not loadable, until the next call of require(): its own, or a new one, for
   // which one makes room that was not asked for lately. -1: there are no such slots.
   Index watch(const Compliance& compliance, Index row) noexcept;
@@ -33,18 +33,17 @@ class ContactBlock {
   // is the weighted mean of theirs, a force on it acts on them by these weights. slots: of the nodes,
   // loadable; -1: one that cannot move. The weights and the nodes' rows decide its bits.
   Index combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept;
-  // Row a of a loadable slot, a = x, y, z: x of all loadable slots, from plane() on y of all, from 2 plane()
-  // on z. Whole eights, of which there may be more than used(). require() may change it.
-  const float* row(Index slot, int a) const noexcept {
-    return values_.data() + (3 * static_cast<std::size_t>(slot) + static_cast<std::size_t>(a)) * 3 * plane_;
-  }
-  std::size_t plane() const noexcept { return plane_; }
-  std::size_t most_plane() const noexcept { return first_watched_; }
+  // Of a slot, against the loadable ones: where is element_at()'s to tell. Whole eights, of which there may
+  // be more than used().
+  const float* row(Index slot) const noexcept { return row_of_values(static_cast<std::size_t>(slot)); }
+  // Vectors of all slots, such as forces, are in planes: x of all, from plane() on y of all, from 2 plane()
+  // on z.
+  std::size_t plane() const noexcept { return first_watched_; }
   // A slot's vector of what displacements() and add_displacements() fill.
   template <class Scalar>
   Vec3 in_planes(std::span<const Scalar> u, Index slot) const noexcept {
     const Scalar* x = u.data() + slot;
-    return Eigen::Matrix<Scalar, 3, 1>(x[0], x[plane_], x[2 * plane_]).template cast<double>();
+    return Eigen::Matrix<Scalar, 3, 1>(x[0], x[plane()], x[2 * plane()]).template cast<double>();
   }
   // C between two loadable slots, m/N.
   Mat3 between(Index i, Index j) const noexcept;
@@ -59,7 +58,7 @@ class ContactBlock {
   // The same of a node that has no slot, from its three rows of C against the loaded nodes, 3 forces.size()
   // numbers each.
   static Vec3 displacement(const float* rows, std::span<const Vec3> forces) noexcept;
-  // Of all loadable slots at once, summed in float64; in planes as a row: 3 plane() numbers.
+  // Of all loadable slots at once, summed in float64; in planes: 3 plane() numbers.
   void displacements(std::span<const Index> loaded, std::span<const Vec3> forces,
                      std::span<double> u) const noexcept;
   // u += of a force on one slot, in float32, of the loadable ones.
@@ -71,7 +70,7 @@ class ContactBlock {
   // numbers.
   bool add_rough_product(std::span<const float> f, float off, std::span<float> u,
                          std::span<float> work) const noexcept {
-    return half_.add_rough_product(used(), plane_, f, off, u, work);
+    return half_.add_rough_product(used(), plane(), f, off, u, work);
   }
   // Slot of a compliance row, -1: not cached.
   Index slot_of(Index row) const noexcept { return slot_of_row_[static_cast<std::size_t>(row)]; }
@@ -91,15 +90,12 @@ class ContactBlock {
   std::size_t width() const noexcept { return (used() + 15) / 16 * 16; }
 
  private:
-  float* values_of(std::size_t slot, std::size_t a) noexcept {
-    return values_.data() + (3 * slot + a) * 3 * plane_;
+  const float* row_of_values(std::size_t slot) const noexcept {
+    return values_.data() + 9 * first_watched_ * slot;
   }
-  // Where a watched slot's row begins.
-  std::size_t watched_at(std::size_t slot) const noexcept {
-    return 9 * (slot - first_watched_) * first_watched_;
-  }
-  // A slot's row, and how far its parts are apart.
-  std::pair<const float*, std::size_t> rows_of(Index slot) const noexcept;
+  float* row_of_values(std::size_t slot) noexcept { return values_.data() + 9 * first_watched_ * slot; }
+  // Of a row, what is in use.
+  std::size_t row_size() const noexcept { return 9 * width(); }
   Index slot_for(std::size_t allowed) noexcept;
   std::size_t place_to_watch() noexcept;
   void fill(std::size_t slot, Index row) noexcept;
@@ -107,16 +103,15 @@ class ContactBlock {
   void update_watched(const Compliance& compliance, std::size_t watched) noexcept;
   void take_watched(const Compliance& compliance, std::size_t watched, std::size_t slot) noexcept;
   void shrink(std::size_t allowed) noexcept;
-  void widen(std::size_t plane) noexcept;
+  void mirror(std::size_t slot, std::size_t rows) noexcept;
   void move_slot(std::size_t from, std::size_t to) noexcept;
   void fetch(const Compliance& compliance, std::span<const Index> slots) noexcept;
 
-  std::size_t capacity_, watchable_, first_watched_, plane_;
+  std::size_t capacity_, watchable_, first_watched_;
   std::size_t used_ = 0, combined_ = 0, watched_ = 0, next_ = 0;
   std::uint64_t moves_ = 0, calls_ = 0, fills_ = 0;
-  HugeArray<float> values_;            // of loadable slots: 3 rows of 3 planes a slot, m/N
-  SymmetricHalf half_;                 // the same once more, for products
-  HugeArray<float> watched_values_;    // of watched ones, so far apart that the longest planes have room
+  HugeArray<float> values_;            // the slots' rows, m/N; watched ones behind the loadable
+  SymmetricHalf half_;                 // of the loadable once more, for products
   std::vector<float> fetched_;         // rows as a compliance gives them
   std::vector<Index> slot_of_row_;     // slot of each compliance row, -1: not cached
   std::vector<Index> row_of_slot_;     // its inverse
@@ -125,7 +120,6 @@ class ContactBlock {
   std::vector<Index> slot_of_fill_;    // of the last fills, as many as there may be loadable slots
   struct Known {
     std::uint64_t fills = 0;  // that its row knows
-    std::size_t plane = 0;    // how long its planes are
     bool asked = false;       // for since the last time round
   };
   std::vector<Known> known_;  // of each watched slot

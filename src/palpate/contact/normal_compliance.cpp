@@ -16,15 +16,15 @@ constexpr double inverse_turned = 0.2;  // of a preconditioner's row, rad: it is
 // Of the norm, by what rows may add: it makes steps shorter.
 constexpr float hardly_grown = 1.25f;
 
-// out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the rows' slot and slot j, n_j in
+// out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the row's slot and slot j, n_j in
 // planes ld apart.
-PALPATE_CLONES void along_normals(const float* rows, std::size_t plane, std::size_t slots, const float* w,
-                                  const float* n, std::size_t ld, float* out) noexcept {
+PALPATE_CLONES void along_normals(const float* row, std::size_t slots, const float* w, const float* n,
+                                  std::size_t ld, float* out) noexcept {
   const float wx = w[0], wy = w[1], wz = w[2];
   for (std::size_t k = 0; k < slots; k += lanes) {
     Lanes sum = {};
     for (std::size_t b = 0; b < 3; ++b) {
-      const float *x = rows + b * plane + k, *y = x + 3 * plane, *z = y + 3 * plane;
+      const float *x = row + element_at(k, 0, b), *y = x + 3 * lanes, *z = y + 3 * lanes;
       sum += ((at(x) * wx + at(y) * wy) + at(z) * wz) * at(n + b * ld + k);
     }
     at(out + k) = sum;
@@ -112,8 +112,8 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
 void NormalCompliance::make_row(const ContactBlock& block, std::size_t k, bool whole) noexcept {
   const std::size_t slots = std::min(block.used(), size_);
   const float w[3] = {normals_[k], normals_[ld_ + k], normals_[2 * ld_ + k]};
-  along_normals(block.row(slot_[k], 0), block.plane(), whole ? slots : std::min(k, slots), w, normals_.data(),
-                ld_, made_.data());
+  along_normals(block.row(slot_[k]), whole ? slots : std::min(k, slots), w, normals_.data(), ld_,
+                made_.data());
   for (std::size_t j = slots; j < size_; ++j) {
     const Mat3 c = block.between(slot_[k], slot_[j]);
     made_[j] = static_cast<float>(scale_[k] * scale_[j] * normal_[k].dot(c * normal_[j]));

@@ -126,28 +126,26 @@ SymmetricHalf::SymmetricHalf(std::size_t capacity)
     for (std::vector<float>& axis : *sizes) axis.assign((capacity + lanes - 1) / lanes * lanes, 0.0f);
 }
 
-void SymmetricHalf::set(std::size_t i, const float* rows, std::size_t plane, std::size_t n) noexcept {
+void SymmetricHalf::set(std::size_t i, const float* row, std::size_t n) noexcept {
   for (std::size_t a = 0; a < 3; ++a) {
-    const float own = rows[4 * a * plane + i];
+    const float own = row[element_at(i, a, a)];
     size_[a][i] = own > 0 ? std::sqrt(own) : 0.0f;
     inverse_[a][i] = own > 0 ? 1 / size_[a][i] : 0.0f;
   }
   const std::size_t first = i / lanes * lanes;  // of its group
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t b = 0; b < 3; ++b) {
-      const float* row = rows + (3 * a + b) * plane;
-      for (std::size_t j = 0; j <= first; j += lanes)
-        std::copy_n(row + j, lanes, values_.data() + begin_of(i, j, b) + a * lanes);
-    }
+  for (std::size_t j = 0; j <= first; j += lanes)
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b)
+        std::copy_n(row + element_at(j, a, b), lanes, values_.data() + begin_of(i, j, b) + a * lanes);
   for (std::size_t j = first; j < n; ++j)
     for (std::size_t b = 0; b < 3; ++b) {  // of the column, so x, y, z of i
       float* const to = values_.data() + begin_of(j, i, b) + i % lanes;
-      for (std::size_t a = 0; a < 3; ++a) to[a * lanes] = rows[(3 * b + a) * plane + j];
+      for (std::size_t a = 0; a < 3; ++a) to[a * lanes] = row[element_at(j, b, a)];
     }
-  const auto pack_again = [&](std::size_t row, std::size_t column, std::size_t b) {
-    const std::size_t p = row / together * together, begin = begin_of(p, column, b);
-    const auto inverse = [&](std::size_t k) {
-      return std::array{inverse_[0][k], inverse_[1][k], inverse_[2][k]};
+  const auto pack_again = [&](std::size_t k, std::size_t column, std::size_t b) {
+    const std::size_t p = k / together * together, begin = begin_of(p, column, b);
+    const auto inverse = [&](std::size_t l) {
+      return std::array{inverse_[0][l], inverse_[1][l], inverse_[2][l]};
     };
     pack(values_.data() + begin, inverse_[b].data() + column / lanes * lanes, inverse(p).data(),
          inverse(p + 1).data(), pairs_.data() + begin / together);

@@ -12,14 +12,19 @@
 
 namespace palpate {
 
+// Where element (a, b) of the block in column j stands in a row of blocks: one stream, of eight columns each
+// element in turn.
+constexpr std::size_t element_at(std::size_t j, std::size_t a = 0, std::size_t b = 0) noexcept {
+  return (j / 8 * 9 + 3 * a + b) * 8 + j % 8;
+}
+
 class SymmetricHalf {
  public:
   // Of at most so many blocks a side; all zero.
   explicit SymmetricHalf(std::size_t capacity);
 
-  // Block row i, and by symmetry column i, of the first n: rows[(3 a + b) plane + j] is element (a, b) of
-  // block (i, j). Reads whole eights.
-  void set(std::size_t i, const float* rows, std::size_t plane, std::size_t n) noexcept;
+  // Block row i, and by symmetry column i, of the first n, as element_at() says. Reads whole eights.
+  void set(std::size_t i, const float* row, std::size_t n) noexcept;
   // u += A f over the first n blocks: x of all, from plane on y of all, from 2 plane on z. Whole sixteens:
   // beyond n f is zero, and u anything.
   void add_product(std::size_t n, std::size_t plane, std::span<const float> f,

@@ -25,7 +25,7 @@ void hold(const Model& model, State& state) {
     for (std::size_t i = 0; i < loads->count && (loads != &w.earlier || w.places == 0); ++i)
       want(loads->rows[i]);
   for (const Index row : w.wanted) w.is_wanted[at(row)] = 0;
-  w.block.require(w.compliance_of(model), w.wanted, w.places);
+  w.block.require(w.compliance_of(model), w.wanted);
   for (ContactPoint& c : w.points) {
     c.slot = c.triangle < 0 ? w.block.slot_of(c.row) : -1;
     if (c.triangle < 0) continue;

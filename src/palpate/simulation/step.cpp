@@ -91,16 +91,16 @@ State make_state(const Model& model) {
   w.looked_at.resize(instruments * w.faces.faces.size());
   w.seen.resize(w.u_before.size());
   w.point_slots.resize(capacity), w.point_forces.resize(capacity),
-      w.placed_u.resize(3 * w.block.most_plane());
+      w.placed_u.resize(3 * w.block.plane());
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
   w.clear.resize(s * instruments);
   w.placed.resize(s);
   w.begun.resize(s);
   for (std::vector<float>* planes : {&w.travel.planes, &w.foreseen, &w.foreseen_moved})
-    planes->resize(3 * w.block.most_plane());
+    planes->resize(3 * w.block.plane());
   for (StepScratch::Spread* spread : {&w.loaded, &w.loaded_before, &w.loaded_earlier})
-    spread->slots.resize(s), spread->planes.resize(3 * w.block.most_plane());
+    spread->slots.resize(s), spread->planes.resize(3 * w.block.plane());
   w.mode = model.settings.mode;
   w.size = bounding_box(organ.surface.vertices).diagonal();
   w.tolerance = model.settings.tolerance * w.size;

@@ -59,7 +59,7 @@ struct StepScratch {
       : compliance(model.organ.compliance.with_work()),
         block(std::min(most, compliance.nodes()), std::min(most_watched, compliance.nodes()),
               compliance.nodes(), std::min(most_places, most / 3)),
-        solver(most, block.capacity(), block.most_plane()),
+        solver(most, block.capacity(), block.plane()),
         deformer(model.organ),
         capacity(most),
         compliance_rows(9 * most),

@@ -96,7 +96,7 @@ TEST(ContactBlock, CombinesThreeNodes) {
   const Vec3 weights[] = {Vec3(0.2, 0.3, 0.5), Vec3(0.6, 0, 0.4)};
   for (int k = 0; k < 3; ++k) {  // the slots of the nodes, and what was there before, differ
     const std::vector<Index> wanted[] = {{3, 7, 11, 4}, {11, 4, 0, 1, 2, 3, 7}, {4, 3, 5, 11, 7}};
-    block.require(c, wanted[k], 2);
+    block.require(c, wanted[k]);
     const Vec3 force(1, 2, -3);
     std::vector<float> planes(3 * block.plane(), 1e6f);  // places between nodes do not disturb what nodes do
     const Index loaded = block.slot_of(7), watching = block.watch(c, 15);

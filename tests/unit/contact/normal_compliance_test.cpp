@@ -33,7 +33,7 @@ TEST(NormalCompliance, IsKeptRightWhateverCameBefore) {
   std::mt19937 random(5);
   const Compliance c = some_compliance(random);
   ContactBlock block(rows, 0, rows, 3);
-  NormalCompliance kept(block.most_plane(), 2 * rows);
+  NormalCompliance kept(block.plane(), 2 * rows);
   std::vector<Vec3> normal(rows);
   for (Vec3& n : normal) n = Vec3::Random().normalized();
   std::size_t changed = 0;
@@ -53,7 +53,7 @@ TEST(NormalCompliance, IsKeptRightWhateverCameBefore) {
         for (int a = 0; a < 3; ++a) p.normal = Vec3::Unit(a), p.grasped = true, points.push_back(p);
       }
     }
-    block.require(c, wanted, 1);
+    block.require(c, wanted);
     for (ContactPoint& p : points) p.slot = block.slot_of(p.row);
     if (tick % 4 == 0) {  // a place on three nodes
       ContactPoint p;
@@ -95,7 +95,7 @@ TEST(NormalCompliance, RowsThatComeBackKnowWhatChanged) {
   std::mt19937 random(6);
   const Compliance c = some_compliance(random);
   ContactBlock block(rows, 0, rows);
-  NormalCompliance kept(block.most_plane(), rows);
+  NormalCompliance kept(block.plane(), rows);
   std::vector<Vec3> normal(rows);
   for (Vec3& n : normal) n = Vec3::Random().normalized();
   std::vector<Index> wanted;
@@ -125,7 +125,7 @@ TEST(NormalCompliance, RowsStayWhileNormalsHardlyTurn) {
   std::mt19937 random(6);
   const Compliance c = some_compliance(random);
   ContactBlock block(rows, 0, rows);
-  NormalCompliance kept(block.most_plane(), rows);
+  NormalCompliance kept(block.plane(), rows);
   std::vector<ContactPoint> points(10);
   std::vector<Index> wanted;
   for (std::size_t k = 0; k < points.size(); ++k)

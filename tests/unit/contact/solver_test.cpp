@@ -19,7 +19,7 @@ TEST(ContactSolver, APlaceThatIsForeseenIsNotOnTheWay) {
   for (const double friction : {0.0, 0.3}) {
     SCOPED_TRACE(fmt::format("friction {}", friction));
     ContactBlock block(1, 1, 1);
-    ContactSolver solver(1, 1, block.most_plane());
+    ContactSolver solver(1, 1, block.plane());
     const Index row = 0;
     block.require(c, {&row, 1});
     ContactPoint p;

@@ -13,9 +13,9 @@ TEST(SymmetricHalf, MultipliesAsTheWholeMatrix) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> share(-1, 1);
   SymmetricHalf half(most);
-  std::vector<float> whole(most * 9 * plane);  // of each block row: 3 rows of 3 planes
+  std::vector<float> whole(most * 9 * plane);
   const auto element = [&](std::size_t i, std::size_t j, std::size_t a, std::size_t b) -> float& {
-    return whole[(i * 9 + 3 * a + b) * plane + j];
+    return whole[i * 9 * plane + element_at(j, a, b)];
   };
   for (int round = 0; round < 400; ++round) {
     const std::size_t n = 1 + random() % most, i = random() % n;
@@ -23,7 +23,7 @@ TEST(SymmetricHalf, MultipliesAsTheWholeMatrix) {
       for (std::size_t a = 0; a < 3; ++a)
         for (std::size_t b = 0; b < 3; ++b)
           if (i != j || a <= b) element(i, j, a, b) = element(j, i, b, a) = share(random);
-    half.set(i, &whole[i * 9 * plane], plane, most);
+    half.set(i, &whole[i * 9 * plane], most);
     std::vector<float> f(3 * plane), u(3 * plane);
     for (std::size_t b = 0; b < 3; ++b)
       for (std::size_t j = 0; j < n; ++j) f[b * plane + j] = share(random), u[b * plane + j] = share(random);
@@ -62,10 +62,10 @@ TEST(SymmetricHalf, MultipliesRoughlyWithinWhatItIsAllowed) {
                          : Mat3(soft * 0.4 / (1 + r) * (Mat3::Identity() + way * way.transpose() / (r * r)));
       for (std::size_t a = 0; a < 3; ++a)
         for (std::size_t b = 0; b < 3; ++b)
-          whole[(9 * i + 3 * a + b) * plane + j] = whole[(9 * j + 3 * b + a) * plane + i] =
+          whole[9 * i * plane + element_at(j, a, b)] = whole[9 * j * plane + element_at(i, b, a)] =
               static_cast<float>(c(static_cast<int>(a), static_cast<int>(b)));
     }
-    half.set(i, &whole[9 * i * plane], plane, n);
+    half.set(i, &whole[9 * i * plane], n);
   };
   for (std::size_t i = 0; i < n; ++i) row_of(i);
   for (int round = 0; round < 20; ++round) {
