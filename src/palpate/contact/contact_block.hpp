@@ -47,6 +47,17 @@ class ContactBlock {
   }
   // C between two loadable slots, m/N.
   Mat3 between(Index i, Index j) const noexcept;
+  // The same of one with itself, which is at hand.
+  Mat3 own(Index i) const noexcept {
+    return Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(
+               half_.own(static_cast<std::size_t>(i)).data())
+        .cast<double>();
+  }
+  // C of the slots along one normal each, which is zero where there is none: SymmetricHalf::along_normals().
+  void along_normals(std::span<const float> normals, std::size_t ld, bool rough, float* out,
+                     std::span<float> sums, std::span<float> work) const noexcept {
+    half_.along_normals(used(), normals, ld, rough, out, sums, work);
+  }
   // Forces on some slots, none of them combined, into planes; zero elsewhere, of slots combined by then too.
   void spread(std::span<const Index> loaded, std::span<const Vec3> forces,
               std::span<float> planes) const noexcept;

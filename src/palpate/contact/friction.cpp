@@ -23,7 +23,7 @@ namespace {
 constexpr int newton_turns = 4, sweeps = 2, most_presses = 3;  // turns; of the others, and of a turn
 // Of a normal, rad, so that its row of N^T C N may stay: in motion, which forgives a change of the forces
 // that is off by as much; and where they have to come to rest.
-constexpr double little_turned = 0.02, hardly_turned = 1e-4;
+constexpr double little_turned = 0.015, hardly_turned = 1e-4;
 constexpr double any = std::numeric_limits<double>::infinity();
 // Where all is as foreseen the first turn does it. Else the next one does what is a twentieth.
 constexpr ContactSolver::Enough as_foreseen{0.9, 0, 0.5}, in_motion{0.3, 0.05, any}, at_rest{0.02, 0.05, any};
@@ -308,7 +308,7 @@ SolveResult ContactSolver::solve(const ContactBlock& block, std::span<const Plac
   if (moved) add_share(block, 1, limits.foreseen_moved, moved_);
   for (std::size_t i = 0; i < m; ++i) {
     force_[i] = points[i].force, base_[i] = points[i].u, last_change_[i] = Vec3::Zero();
-    if (mu > 0) own_[i] = block.between(points[i].slot, points[i].slot).trace() / 3;
+    if (mu > 0) own_[i] = block.own(points[i].slot).trace() / 3;
     if (moved)
       force_[i] += points[i].foreseen;
     else

@@ -15,6 +15,8 @@ constexpr double much_turned = 0.1;     // rad
 constexpr double inverse_turned = 0.2;  // of a preconditioner's row, rad: it is no worse
 // Of the norm, by what rows may add: it makes steps shorter.
 constexpr float hardly_grown = 1.25f;
+// One stale row in so many: all at once are faster then.
+constexpr std::size_t many = 4;
 
 // out[j] = w . C_j n_j, in whole lanes: C_j the 3 x 3 compliance between the row's slot and slot j, n_j in
 // planes ld apart.
@@ -29,20 +31,6 @@ PALPATE_CLONES void along_normals(const float* row, std::size_t slots, const flo
     }
     at(out + k) = sum;
   }
-}
-
-// Sums of the columns' sizes, none of which any eigenvalue exceeds.
-PALPATE_CLONES void add_sizes(const float* row, std::size_t n, float* __restrict sums, float* own) noexcept {
-  Lanes sizes = {};
-  std::size_t k = 0;
-  for (; k + lanes <= n; k += lanes) {
-    const Lanes a = at(row + k), size = a < 0.0f ? -a : a;
-    at(sums + k) += size;
-    sizes += size;
-  }
-  float sum = total(sizes);
-  for (; k < n; ++k) sums[k] += std::abs(row[k]), sum += std::abs(row[k]);
-  *own += sum;
 }
 
 }  // namespace
@@ -60,6 +48,7 @@ NormalCompliance::NormalCompliance(std::size_t most_plane, std::size_t points)
       taken_(ld_),
       made_(ld_),
       sums_(ld_),
+      work_(6 * ld_),
       inverse_(ld_),
       inverse_of_(ld_, -1),
       inverse_normal_(ld_, Vec3::Zero()) {
@@ -84,7 +73,7 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
     stale_[k] = 1;
     // Another row adds no more than its own element.
     if ((normal_[k] - c.normal).squaredNorm() > much_turned * much_turned) ++norm_;
-    const double own = c.normal.dot(block.between(c.slot, c.slot) * c.normal);
+    const double own = c.normal.dot(block.own(c.slot) * c.normal);
     normal_[k] = c.normal, scale_[k] = own > 0 ? 1 / std::sqrt(own) : 1;
   };
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -100,27 +89,42 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
     if (stale_[k] && !taken_[k]) normal_[k].setZero(), scale_[k] = 1;
   for (std::size_t k = 0; k < size_; ++k) {
     if (stale_[k]) compliance_row_[k] = k < slots ? block.row_of(slot_[k]) : -1;
-    if (stale_[k])
-      for (std::size_t b = 0; b < 3; ++b)
-        normals_[b * ld_ + k] = static_cast<float>(scale_[k] * normal_[k][static_cast<int>(b)]);
   }
-  for (std::size_t k = size_; k < std::min(size_ + lanes, ld_); ++k)
-    for (std::size_t b = 0; b < 3; ++b) normals_[b * ld_ + k] = 0;
+  for (std::size_t b = 0; b < 3; ++b) {
+    float* const normals = normals_.data() + b * ld_;
+    for (std::size_t k = 0; k < slots; ++k)
+      if (stale_[k]) normals[k] = static_cast<float>(scale_[k] * normal_[k][static_cast<int>(b)]);
+    std::fill(normals + slots, normals + (slots + lanes - 1) / lanes * lanes, 0.0f);
+  }
 }
 
-// whole: with its part of later rows.
-void NormalCompliance::make_row(const ContactBlock& block, std::size_t k, bool whole) noexcept {
-  const std::size_t slots = std::min(block.used(), size_);
-  const float w[3] = {normals_[k], normals_[ld_ + k], normals_[2 * ld_ + k]};
-  along_normals(block.row(slot_[k]), whole ? slots : std::min(k, slots), w, normals_.data(), ld_,
-                made_.data());
+void NormalCompliance::make_row(const ContactBlock& block, std::size_t k) noexcept {
+  const std::size_t slots = block.used();
+  const Vec3f w = (scale_[k] * normal_[k]).cast<float>();
+  along_normals(block.row(slot_[k]), slots, w.data(), normals_.data(), ld_, made_.data());
   for (std::size_t j = slots; j < size_; ++j) {
     const Mat3 c = block.between(slot_[k], slot_[j]);
     made_[j] = static_cast<float>(scale_[k] * scale_[j] * normal_[k].dot(c * normal_[j]));
   }
   std::copy_n(made_.data(), k, values_.data() + k * ld_);
-  values_[k * ld_ + k] = 1;
-  for (std::size_t j = k + 1; whole && j < size_; ++j) values_[j * ld_ + k] = made_[j];
+  for (std::size_t j = k + 1; j < size_; ++j) values_[j * ld_ + k] = made_[j];
+}
+
+// All rows at once, and the norm: no eigenvalue exceeds the largest sum of a row's sizes.
+void NormalCompliance::make_all(const ContactBlock& block) noexcept {
+  const std::size_t slots = block.used();
+  block.along_normals(normals_, ld_, rough_, values_.data(), sums_, work_);
+  for (std::size_t k = slots; k < size_; ++k) {
+    make_row(block, k);
+    sums_[k] = 1;
+    for (std::size_t j = 0; j < k; ++j) {
+      const float size = std::abs(values_[k * ld_ + j]);
+      sums_[k] += size, sums_[j] += size;
+    }
+  }
+  norm_ = 1;
+  for (std::size_t k = 0; k < size_; ++k) norm_ = std::max(norm_, sums_[k]);
+  found_norm_ = norm_, made_since_ = 0;
 }
 
 // Rows of new points and of those that turned, and whatever has them for columns.
@@ -145,19 +149,24 @@ void NormalCompliance::update(const ContactBlock& block, std::span<const Contact
   find_rows(block, points, turned);
   const auto stale = static_cast<std::size_t>(
       std::count(stale_.begin(), stale_.begin() + static_cast<std::ptrdiff_t>(size_), 1));
-  const bool all = 2 * stale > size_;
-  for (std::size_t k = 0; k < size_; ++k)
-    if (all || stale_[k]) make_row(block, k, !all);
-  for (std::size_t k = 0; k < size_; ++k)  // the squares on the diagonal
-    for (std::size_t j = k / lanes * lanes; j < k; ++j) values_[j * ld_ + k] = values_[k * ld_ + j];
-  renew_inverse();
   made_since_ += stale;
-  if (made_since_ <= size_ && !all && norm_ <= hardly_grown * found_norm_) return;
-  made_since_ = 0;
-  std::fill_n(sums_.begin(), size_, 1.0f);
-  for (std::size_t k = 0; k < size_; ++k) add_sizes(values_.data() + k * ld_, k, sums_.data(), &sums_[k]);
-  norm_ = found_norm_ =
-      size_ > 0 ? *std::max_element(sums_.begin(), sums_.begin() + static_cast<std::ptrdiff_t>(size_)) : 0;
+  // Two points of a node differ by less than what is rough.
+  const bool rough = turned > 0 && size_ == block.used();
+  if (many * stale > size_ || made_since_ > size_ || norm_ > hardly_grown * found_norm_ ||
+      (rough_ && !rough)) {
+    rough_ = rough;
+    find_rows(block, points, 0);
+    make_all(block);
+  } else {
+    for (std::size_t k = 0; k < size_; ++k)
+      if (stale_[k]) make_row(block, k);
+  }
+  for (std::size_t k = 0; k < size_; ++k) {
+    values_[k * ld_ + k] = 1;
+    // The squares on the diagonal.
+    for (std::size_t j = k / lanes * lanes; j < k; ++j) values_[j * ld_ + k] = values_[k * ld_ + j];
+  }
+  renew_inverse();
 }
 
 }  // namespace palpate

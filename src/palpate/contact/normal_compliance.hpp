@@ -45,20 +45,22 @@ class NormalCompliance {
  private:
   void find_rows(const ContactBlock& block, std::span<const ContactPoint> points, double turned) noexcept;
   void renew_inverse() noexcept;
-  void make_row(const ContactBlock& block, std::size_t row, bool whole) noexcept;
+  void make_row(const ContactBlock& block, std::size_t row) noexcept;
+  void make_all(const ContactBlock& block) noexcept;
 
   std::size_t ld_, size_ = 0;
   HugeArray<float> values_;
   float norm_ = 0, found_norm_ = 0;
-  std::size_t made_since_ = 0;               // rows, since the norm was found
+  bool rough_ = false;                       // rows may be off by 1e-5
+  std::size_t made_since_ = 0;               // rows, since all were made
   std::vector<Index> row_of_;                // of each point
   std::vector<Index> slot_;                  // of each row
   std::vector<Index> compliance_row_;        // that the slot had when the row was made
   std::vector<double> scale_;                // of each row
   std::vector<Vec3> normal_;                 // that the row was made with; zero: no point
-  std::vector<float> normals_;               // scaled, in planes ld_ apart
+  std::vector<float> normals_;               // of the slots, scaled, in planes ld_ apart
   std::vector<std::uint8_t> stale_, taken_;  // of each row
-  std::vector<float> made_, sums_;
+  std::vector<float> made_, sums_, work_;
   SparseInverse inverse_;
   std::vector<Index> inverse_of_;     // of each of its rows: the compliance row,
   std::vector<Vec3> inverse_normal_;  // and the normal it was made with

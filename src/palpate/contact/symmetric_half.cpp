@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "palpate/base/clones.hpp"
 #include "palpate/contact/lanes.hpp"
@@ -13,6 +14,10 @@ namespace {
 // Eight block rows are a group; two of a group stand together: of these, for x, y, z of the columns and for
 // each eight of them up to the group's own, a piece: x, y, z of the first row and x, y, z of the second.
 constexpr std::size_t together = 2, part = 3 * lanes, piece = together * part;
+
+// The same in what it is stored as: floats, or pairs of them.
+template <class T>
+constexpr std::size_t size_of_piece = std::is_same_v<T, float> ? piece : part;
 
 std::size_t begin_of(std::size_t group) noexcept { return lanes / 2 * 9 * lanes * group * (group + 1); }
 
@@ -55,16 +60,56 @@ template <class T, class Take>
   }
 }
 
+[[gnu::always_inline]] inline void drop_sign(Lanes& x) noexcept { x = x < 0.0f ? -x : x; }
+
+// The same rows against the columns up to their own eight, each block between its normals: out, and the sizes
+// of each row, and of its part of each column before, added to sums. left, right: for a block's row and its
+// column.
+template <class T, class Take>
+[[gnu::always_inline]] inline void contract_half(const T* v, std::size_t plane, std::size_t n,
+                                                 const float* left, const float* right, float* out,
+                                                 std::size_t ld, float* sums, const Take& take) noexcept {
+  for (std::size_t first = 0; first < n; first += lanes)
+    for (std::size_t l = 0; l < lanes; l += together) {
+      const std::size_t i = first + l, to_next = (first / lanes + 1) * size_of_piece<T>;
+      const float px = left[i], py = left[plane + i], pz = left[2 * plane + i];
+      const float qx = left[i + 1], qy = left[plane + i + 1], qz = left[2 * plane + i + 1];
+      float *const to_p = out + i * ld, *const to_q = to_p + ld;
+      Lanes size_p = {}, size_q = {};
+      for (std::size_t k = 0; k <= first; k += lanes, v += size_of_piece<T>) {
+        Lanes p = {}, q = {};
+        for (std::size_t b = 0; b < 3; ++b) {
+          const Lanes normal = at(right + b * plane + k);
+          Lanes pc, pd, pe, qc, qd, qe;
+          const T* at_b = v + b * to_next;
+          take(at_b, pc, pd, pe, qc, qd, qe);
+          p += ((pc * px + pd * py) + pe * pz) * normal, q += ((qc * qx + qd * qy) + qe * qz) * normal;
+        }
+        at(to_p + k) = p, at(to_q + k) = q;
+        drop_sign(p), drop_sign(q);
+        size_p += p, size_q += q;
+        if (k < first) at(sums + k) += p + q;
+      }
+      sums[i] += total(size_p), sums[i + 1] += total(size_q);
+      v += 2 * to_next;
+    }
+}
+
+[[gnu::always_inline]] inline void take_floats(const float*& v, Lanes& pc, Lanes& pd, Lanes& pe, Lanes& qc,
+                                               Lanes& qd, Lanes& qe) noexcept {
+  pc = at(v), pd = at(v + lanes), pe = at(v + 2 * lanes);
+  qc = at(v + part), qd = at(v + part + lanes), qe = at(v + part + 2 * lanes);
+  v += piece;
+}
+
 PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t n, const float* f,
                              float* u) noexcept {
-  multiply_half(
-      values, plane, n, f, u,
-      [](const float*& v, Lanes& pc, Lanes& pd, Lanes& pe, Lanes& qc, Lanes& qd, Lanes& qe)
-          __attribute__((always_inline)) {
-            pc = at(v), pd = at(v + lanes), pe = at(v + 2 * lanes);
-            qc = at(v + part), qd = at(v + part + lanes), qe = at(v + part + 2 * lanes);
-            v += piece;
-          });
+  multiply_half(values, plane, n, f, u, take_floats);
+}
+
+PALPATE_CLONES void contract(const float* values, std::size_t plane, std::size_t n, const float* normals,
+                             float* out, std::size_t ld, float* sums) noexcept {
+  contract_half(values, plane, n, normals, normals, out, ld, sums, take_floats);
 }
 
 // A word is two numbers of 16 bits, 65536 times the first plus the second: as a whole it is the first, to the
@@ -102,23 +147,28 @@ PALPATE_CLONES void pack(const float* values, const float* inverse, const float*
   }
 }
 
+[[gnu::always_inline]] inline void take_pairs(const std::int32_t*& v, Lanes& pc, Lanes& pd, Lanes& pe,
+                                              Lanes& qc, Lanes& qd, Lanes& qe) noexcept {
+  unpack(at(v), pc, qc), unpack(at(v + lanes), pd, qd), unpack(at(v + 2 * lanes), pe, qe);
+  v += part;
+}
+
 // The same from pairs.
 PALPATE_CLONES void multiply_pairs(const std::int32_t* pairs, std::size_t plane, std::size_t n,
                                    const float* f, float* u) noexcept {
-  multiply_half(
-      pairs, plane, n, f, u,
-      [](const std::int32_t*& v, Lanes& pc, Lanes& pd, Lanes& pe, Lanes& qc, Lanes& qd, Lanes& qe)
-          __attribute__((always_inline)) {
-            unpack(at(v), pc, qc), unpack(at(v + lanes), pd, qd);
-            unpack(at(v + 2 * lanes), pe, qe);
-            v += part;
-          });
+  multiply_half(pairs, plane, n, f, u, take_pairs);
+}
+
+PALPATE_CLONES void contract_pairs(const std::int32_t* pairs, std::size_t plane, std::size_t n,
+                                   const float* left, const float* right, float* out, std::size_t ld,
+                                   float* sums) noexcept {
+  contract_half(pairs, plane, n, left, right, out, ld, sums, take_pairs);
 }
 
 }  // namespace
 
 SymmetricHalf::SymmetricHalf(std::size_t capacity)
-    : values_(begin_of((capacity + lanes - 1) / lanes)), pairs_(values_.size() / together) {
+    : values_(begin_of((capacity + lanes - 1) / lanes)), pairs_(values_.size() / together), own_(capacity) {
   // Touch every page now, not in the first product.
   std::fill_n(values_.data(), values_.size(), 0.0f);
   std::fill_n(pairs_.data(), pairs_.size(), 0);
@@ -131,6 +181,7 @@ void SymmetricHalf::set(std::size_t i, const float* row, std::size_t n) noexcept
     const float own = row[element_at(i, a, a)];
     size_[a][i] = own > 0 ? std::sqrt(own) : 0.0f;
     inverse_[a][i] = own > 0 ? 1 / size_[a][i] : 0.0f;
+    for (std::size_t b = 0; b < 3; ++b) own_[i][3 * a + b] = row[element_at(i, a, b)];
   }
   const std::size_t first = i / lanes * lanes;  // of its group
   for (std::size_t j = 0; j <= first; j += lanes)
@@ -182,6 +233,20 @@ bool SymmetricHalf::add_rough_product(std::size_t n, std::size_t plane, std::spa
     for (std::size_t k = 0; k < n; ++k)
       u[b * plane + k] += size_[b][k] * (step / second_one * moved[b * plane + k]);
   return true;
+}
+
+void SymmetricHalf::along_normals(std::size_t n, std::span<const float> normals, std::size_t ld, bool rough,
+                                  float* out, std::span<float> sums, std::span<float> work) const noexcept {
+  const std::size_t end = (n + lanes - 1) / lanes * lanes;
+  std::fill_n(sums.begin(), end, 0.0f);
+  if (!rough || n < worth_it) return contract(values_.data(), ld, n, normals.data(), out, ld, sums.data());
+  float *const left = work.data(), *const right = left + 3 * ld;
+  for (std::size_t b = 0; b < 3; ++b)
+    for (std::size_t k = b * ld; k < b * ld + end; ++k) {
+      left[k] = k < b * ld + n ? normals[k] * size_[b][k - b * ld] : 0.0f;
+      right[k] = left[k] * (1 / most / second_one);
+    }
+  contract_pairs(pairs_.data(), ld, n, left, right, out, ld, sums.data());
 }
 
 }  // namespace palpate

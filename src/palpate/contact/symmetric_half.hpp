@@ -34,11 +34,20 @@ class SymmetricHalf {
   // that would put more than `off` on u, root mean square. work: 6 plane numbers.
   bool add_rough_product(std::size_t n, std::size_t plane, std::span<const float> f, float off,
                          std::span<float> u, std::span<float> work) const noexcept;
+  // n_i . A_ij n_j for the first n blocks and each block's columns up to its own eight: out[i ld + j], in
+  // whole eights of rows. sums: of each row's sizes, by symmetry its whole row's. normals: x of all, from ld
+  // on y, from 2 ld on z; zero from n to the next eight. rough: from 16 bits as above, where that is faster,
+  // each to 1e-5 of the root of its row's and its column's diagonal element. work: 6 ld numbers.
+  void along_normals(std::size_t n, std::span<const float> normals, std::size_t ld, bool rough, float* out,
+                     std::span<float> sums, std::span<float> work) const noexcept;
+  // Block (i, i), by rows.
+  const std::array<float, 9>& own(std::size_t i) const noexcept { return own_[i]; }
 
  private:
   HugeArray<float> values_;
   HugeArray<std::int32_t> pairs_;                     // of two rows that stand together, in the same order
   std::array<std::vector<float>, 3> size_, inverse_;  // of x, y, z of each block row: that root; one over it
+  std::vector<std::array<float, 9>> own_;
 };
 
 }  // namespace palpate

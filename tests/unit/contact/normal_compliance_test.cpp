@@ -14,17 +14,17 @@ namespace {
 constexpr std::size_t rows = 60;
 
 // Symmetric positive definite, like a compliance between points on a line.
-Compliance some_compliance(std::mt19937& random) {
-  HugeArray<float> matrix(9 * rows * rows);
+Compliance some_compliance(std::mt19937& random, std::size_t n = rows) {
+  HugeArray<float> matrix(9 * n * n);
   std::normal_distribution<double> normal;
-  const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(
-      3 * rows, 3 * rows, [&](Eigen::Index, Eigen::Index) { return normal(random); });
-  const Eigen::MatrixXd c = a * a.transpose() + 20 * Eigen::MatrixXd::Identity(3 * rows, 3 * rows);
-  for (std::size_t i = 0; i < 3 * rows; ++i)
-    for (std::size_t j = 0; j < 3 * rows; ++j)
-      matrix[i * 3 * rows + j] =
+  const Eigen::MatrixXd a =
+      Eigen::MatrixXd::NullaryExpr(3 * n, 3 * n, [&](Eigen::Index, Eigen::Index) { return normal(random); });
+  const Eigen::MatrixXd c = a * a.transpose() + 20 * Eigen::MatrixXd::Identity(3 * n, 3 * n);
+  for (std::size_t i = 0; i < 3 * n; ++i)
+    for (std::size_t j = 0; j < 3 * n; ++j)
+      matrix[i * 3 * n + j] =
           static_cast<float>(c(static_cast<int>(std::max(i, j)), static_cast<int>(std::min(i, j))));
-  return Compliance::dense(std::move(matrix), rows);
+  return Compliance::dense(std::move(matrix), n);
 }
 
 // Points come and go, turn, touch a node twice, or are held in a grip; what is kept must be what it would be
@@ -118,6 +118,60 @@ TEST(NormalCompliance, RowsThatComeBackKnowWhatChanged) {
             points[i].normal.dot(block.between(points[i].slot, points[j].slot) * points[j].normal);
         ASSERT_NEAR(static_cast<double>(kept.between(i, j)), exact, 1e-5) << tick;
       }
+  }
+}
+
+double largest_eigenvalue(const Eigen::MatrixXd& a) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(a).eigenvalues().maxCoeff();
+}
+
+// Of many points all are made at once where many turn, from 16 bits; where they must be exact, they are.
+TEST(NormalCompliance, OfManyIsRoughWhereThatIsAllowed) {
+  constexpr std::size_t many = 220;
+  std::mt19937 random(8);
+  const Compliance c = some_compliance(random, many);
+  ContactBlock block(many, 0, many);
+  NormalCompliance kept(block.plane(), many);
+  std::vector<ContactPoint> points(many);
+  std::vector<Index> wanted;
+  for (std::size_t k = 0; k < many; ++k)
+    points[k].row = static_cast<Index>(k), wanted.push_back(points[k].row);
+  block.require(c, wanted);
+  for (ContactPoint& p : points) p.slot = block.slot_of(p.row), p.normal = Vec3::Random().normalized();
+  const auto exact = [&] {
+    Eigen::MatrixXd a(many, many);
+    for (std::size_t i = 0; i < many; ++i)
+      for (std::size_t j = 0; j < many; ++j)
+        a(static_cast<int>(i), static_cast<int>(j)) =
+            kept.scale(i) * kept.scale(j) *
+            points[i].normal.dot(block.between(points[i].slot, points[j].slot) * points[j].normal);
+    return a;
+  };
+  const auto off = [&](const Eigen::MatrixXd& a) {
+    double most = 0;
+    for (std::size_t i = 0; i < many; ++i)
+      for (std::size_t j = 0; j < i; ++j)
+        most = std::max(most, std::abs(static_cast<double>(kept.between(i, j)) -
+                                       a(static_cast<int>(i), static_cast<int>(j))));
+    return most;
+  };
+  kept.update(block, points, 0.02);
+  Eigen::MatrixXd a = exact();
+  EXPECT_LT(off(a), 6e-5);
+  EXPECT_GT(off(a), 1e-6);  // it was rough
+  EXPECT_GE(static_cast<double>(kept.norm()) * (1 + 1e-4), largest_eigenvalue(a));
+  kept.update(block, points, 0);  // though nothing has turned
+  EXPECT_LT(off(a), 1e-6);
+  // Some turn by little, more of them by more.
+  for (int tick = 0; tick < 20; ++tick) {
+    for (std::size_t k = 0; k < many; ++k) {
+      const double by = static_cast<int>(k) % 7 == tick % 7 ? 0.03 : k % 2 ? 0.004 : 0;
+      points[k].normal = (points[k].normal + by * points[k].normal.unitOrthogonal()).normalized();
+    }
+    kept.update(block, points, 0.02);
+    a = exact();
+    EXPECT_LT(off(a), 2 * 0.02 + 6e-5) << tick;
+    EXPECT_GE(static_cast<double>(kept.norm()) * 1.02, largest_eigenvalue(a)) << tick;
   }
 }
 

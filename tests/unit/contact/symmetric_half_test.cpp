@@ -37,6 +37,22 @@ TEST(SymmetricHalf, MultipliesAsTheWholeMatrix) {
             expected += static_cast<double>(element(k, j, a, b)) * static_cast<double>(f[b * plane + j]);
         ASSERT_NEAR(static_cast<double>(u[a * plane + k]), expected, 3e-5) << round << ' ' << n << ' ' << k;
       }
+    std::vector<float> along(plane * plane), sums(plane), work(6 * plane);  // f for normals
+    half.along_normals(n, f, plane, false, along.data(), sums, work);
+    for (std::size_t k = 0; k < n; ++k) {
+      double sum = 0;
+      for (std::size_t j = 0; j < n; ++j) {
+        double expected = 0;
+        for (std::size_t a = 0; a < 3; ++a)
+          for (std::size_t b = 0; b < 3; ++b)
+            expected += static_cast<double>(f[a * plane + k] * element(k, j, a, b) * f[b * plane + j]);
+        sum += std::abs(expected);
+        if (j / 8 <= k / 8) {
+          ASSERT_NEAR(static_cast<double>(along[k * plane + j]), expected, 3e-6) << n;
+        }
+      }
+      ASSERT_NEAR(static_cast<double>(sums[k]), sum, 3e-5) << n << ' ' << k;
+    }
   }
 }
 
