@@ -54,9 +54,9 @@ class ContactBlock {
         .cast<double>();
   }
   // C of the slots along one normal each, which is zero where there is none: SymmetricHalf::along_normals().
-  void along_normals(std::span<const float> normals, std::size_t ld, bool rough, float* out,
+  bool along_normals(std::span<const float> normals, std::size_t ld, bool rough, float* out,
                      std::span<float> sums, std::span<float> work) const noexcept {
-    half_.along_normals(used(), normals, ld, rough, out, sums, work);
+    return half_.along_normals(used(), normals, ld, rough, out, sums, work);
   }
   // Forces on some slots, none of them combined, into planes; zero elsewhere, of slots combined by then too.
   void spread(std::span<const Index> loaded, std::span<const Vec3> forces,
@@ -93,6 +93,7 @@ class ContactBlock {
     return static_cast<std::size_t>(slot) < used_ ? row_of_slot_[static_cast<std::size_t>(slot)] : -1;
   }
   std::size_t capacity() const noexcept { return capacity_; }
+  bool has_combined() const noexcept { return combined_ > 0; }
   // How often loadable slots have changed places.
   std::uint64_t moves() const noexcept { return moves_; }
   // Loadable slots in use: the first ones.

@@ -26,7 +26,8 @@ PALPATE_CLONES void along_normals(const float* row, std::size_t slots, const flo
   for (std::size_t k = 0; k < slots; k += lanes) {
     Lanes sum = {};
     for (std::size_t b = 0; b < 3; ++b) {
-      const float *x = row + element_at(k, 0, b), *y = x + 3 * lanes, *z = y + 3 * lanes;
+      const float *x = row + element_at(k, 0, b), *y = row + element_at(k, 1, b),
+                  *z = row + element_at(k, 2, b);
       sum += ((at(x) * wx + at(y) * wy) + at(z) * wz) * at(n + b * ld + k);
     }
     at(out + k) = sum;
@@ -35,8 +36,8 @@ PALPATE_CLONES void along_normals(const float* row, std::size_t slots, const flo
 
 }  // namespace
 
-NormalCompliance::NormalCompliance(std::size_t most_plane, std::size_t points)
-    : ld_(most(most_plane, points)),
+NormalCompliance::NormalCompliance(std::size_t plane, std::size_t points)
+    : ld_(most(plane, points)),
       values_(ld_ * ld_),
       row_of_(points),
       slot_(ld_, -1),
@@ -46,9 +47,10 @@ NormalCompliance::NormalCompliance(std::size_t most_plane, std::size_t points)
       normals_(3 * ld_),
       stale_(ld_),
       taken_(ld_),
+      is_another_(ld_),
       made_(ld_),
       sums_(ld_),
-      work_(6 * ld_),
+      work_(3 * ld_),
       inverse_(ld_),
       inverse_of_(ld_, -1),
       inverse_normal_(ld_, Vec3::Zero()) {
@@ -71,8 +73,10 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
   const auto place = [&](std::size_t k, const ContactPoint& c) {
     if (!stale_[k] && (normal_[k] - c.normal).squaredNorm() <= turned * turned) return;
     stale_[k] = 1;
-    // Another row adds no more than its own element.
-    if ((normal_[k] - c.normal).squaredNorm() > much_turned * much_turned) ++norm_;
+    // A row that is another adds no more than its own element, however often it changes.
+    if ((normal_[k] - c.normal).squaredNorm() > much_turned * much_turned &&
+        !std::exchange(is_another_[k], std::uint8_t{1}))
+      ++norm_;
     const double own = c.normal.dot(block.own(c.slot) * c.normal);
     normal_[k] = c.normal, scale_[k] = own > 0 ? 1 / std::sqrt(own) : 1;
   };
@@ -111,9 +115,9 @@ void NormalCompliance::make_row(const ContactBlock& block, std::size_t k) noexce
 }
 
 // All rows at once, and the norm: no eigenvalue exceeds the largest sum of a row's sizes.
-void NormalCompliance::make_all(const ContactBlock& block) noexcept {
+void NormalCompliance::make_all(const ContactBlock& block, bool rough) noexcept {
   const std::size_t slots = block.used();
-  block.along_normals(normals_, ld_, rough_, values_.data(), sums_, work_);
+  rough_ = block.along_normals(normals_, ld_, rough, values_.data(), sums_, work_);
   for (std::size_t k = slots; k < size_; ++k) {
     make_row(block, k);
     sums_[k] = 1;
@@ -125,6 +129,7 @@ void NormalCompliance::make_all(const ContactBlock& block) noexcept {
   norm_ = 1;
   for (std::size_t k = 0; k < size_; ++k) norm_ = std::max(norm_, sums_[k]);
   found_norm_ = norm_, made_since_ = 0;
+  std::fill(is_another_.begin(), is_another_.end(), std::uint8_t{0});
 }
 
 // Rows of new points and of those that turned, and whatever has them for columns.
@@ -150,13 +155,12 @@ void NormalCompliance::update(const ContactBlock& block, std::span<const Contact
   const auto stale = static_cast<std::size_t>(
       std::count(stale_.begin(), stale_.begin() + static_cast<std::ptrdiff_t>(size_), 1));
   made_since_ += stale;
-  // Two points of a node differ by less than what is rough.
-  const bool rough = turned > 0 && size_ == block.used();
+  // Two points of a node, or two places, may differ by less than what is rough.
+  const bool rough = turned > 0 && size_ == block.used() && !block.has_combined();
   if (many * stale > size_ || made_since_ > size_ || norm_ > hardly_grown * found_norm_ ||
       (rough_ && !rough)) {
-    rough_ = rough;
-    find_rows(block, points, 0);
-    make_all(block);
+    find_rows(block, points, 0);  // with the normals that have turned by less
+    make_all(block, rough);
   } else {
     for (std::size_t k = 0; k < size_; ++k)
       if (stale_[k]) make_row(block, k);

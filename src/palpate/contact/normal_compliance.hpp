@@ -1,5 +1,6 @@
 // N^T C N, the compliance of the points along their normals, scaled to a diagonal of 1. It is kept from tick
-// to tick: only rows of new points, and of those whose normal has turned, are made anew.
+// to tick: rows of new points, and of those whose normal has turned, are made anew, or all where that is
+// faster.
 #pragma once
 
 #include <span>
@@ -16,16 +17,17 @@ class NormalCompliance {
  public:
   // For points on the slots of such blocks, at most `points` of them. Nothing is allocated after
   // construction.
-  NormalCompliance(std::size_t most_plane, std::size_t points);
+  NormalCompliance(std::size_t plane, std::size_t points);
 
   // For these points, whose slots are the block's. Rows stay where the normal has turned by less than
-  // `turned` (rad): they are then off by as much.
+  // `turned` (rad): they are then off by as much. Where `turned` is above 0, rows of many points may be from
+  // 16 bits, too (SymmetricHalf::along_normals()).
   void update(const ContactBlock& block, std::span<const ContactPoint> points, double turned) noexcept;
 
   // Rows there are: of each slot one, whether a point is there or not, and of further points of a slot.
   std::size_t size() const noexcept { return size_; }
-  static std::size_t most(std::size_t most_plane, std::size_t points) noexcept {
-    return (most_plane + 2 * points / 3 + 15) / 16 * 16;  // a grasped node is three points
+  static std::size_t most(std::size_t plane, std::size_t points) noexcept {
+    return (plane + points + 15) / 16 * 16;
   }
   std::size_t row_of(std::size_t point) const noexcept { return static_cast<std::size_t>(row_of_[point]); }
   // Of a point: the square root of its own stiffness, sqrt(N / m).
@@ -46,12 +48,12 @@ class NormalCompliance {
   void find_rows(const ContactBlock& block, std::span<const ContactPoint> points, double turned) noexcept;
   void renew_inverse() noexcept;
   void make_row(const ContactBlock& block, std::size_t row) noexcept;
-  void make_all(const ContactBlock& block) noexcept;
+  void make_all(const ContactBlock& block, bool rough) noexcept;
 
   std::size_t ld_, size_ = 0;
   HugeArray<float> values_;
   float norm_ = 0, found_norm_ = 0;
-  bool rough_ = false;                       // rows may be off by 1e-5
+  bool rough_ = false;                       // rows may be from 16 bits
   std::size_t made_since_ = 0;               // rows, since all were made
   std::vector<Index> row_of_;                // of each point
   std::vector<Index> slot_;                  // of each row
@@ -60,6 +62,7 @@ class NormalCompliance {
   std::vector<Vec3> normal_;                 // that the row was made with; zero: no point
   std::vector<float> normals_;               // of the slots, scaled, in planes ld_ apart
   std::vector<std::uint8_t> stale_, taken_;  // of each row
+  std::vector<std::uint8_t> is_another_;     // of each row: than when the norm was found
   std::vector<float> made_, sums_, work_;
   SparseInverse inverse_;
   std::vector<Index> inverse_of_;     // of each of its rows: the compliance row,

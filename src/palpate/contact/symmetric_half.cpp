@@ -63,23 +63,22 @@ template <class T, class Take>
 [[gnu::always_inline]] inline void drop_sign(Lanes& x) noexcept { x = x < 0.0f ? -x : x; }
 
 // The same rows against the columns up to their own eight, each block between its normals: out, and the sizes
-// of each row, and of its part of each column before, added to sums. left, right: for a block's row and its
-// column.
+// of each row, and of its part of each column before, added to sums. All `ld` apart.
 template <class T, class Take>
-[[gnu::always_inline]] inline void contract_half(const T* v, std::size_t plane, std::size_t n,
-                                                 const float* left, const float* right, float* out,
-                                                 std::size_t ld, float* sums, const Take& take) noexcept {
+[[gnu::always_inline]] inline void contract_half(const T* v, std::size_t n, const float* normals,
+                                                 std::size_t ld, float* out, float* sums,
+                                                 const Take& take) noexcept {
   for (std::size_t first = 0; first < n; first += lanes)
     for (std::size_t l = 0; l < lanes; l += together) {
       const std::size_t i = first + l, to_next = (first / lanes + 1) * size_of_piece<T>;
-      const float px = left[i], py = left[plane + i], pz = left[2 * plane + i];
-      const float qx = left[i + 1], qy = left[plane + i + 1], qz = left[2 * plane + i + 1];
+      const float px = normals[i], py = normals[ld + i], pz = normals[2 * ld + i];
+      const float qx = normals[i + 1], qy = normals[ld + i + 1], qz = normals[2 * ld + i + 1];
       float *const to_p = out + i * ld, *const to_q = to_p + ld;
       Lanes size_p = {}, size_q = {};
       for (std::size_t k = 0; k <= first; k += lanes, v += size_of_piece<T>) {
         Lanes p = {}, q = {};
         for (std::size_t b = 0; b < 3; ++b) {
-          const Lanes normal = at(right + b * plane + k);
+          const Lanes normal = at(normals + b * ld + k);
           Lanes pc, pd, pe, qc, qd, qe;
           const T* at_b = v + b * to_next;
           take(at_b, pc, pd, pe, qc, qd, qe);
@@ -107,9 +106,9 @@ PALPATE_CLONES void multiply(const float* values, std::size_t plane, std::size_t
   multiply_half(values, plane, n, f, u, take_floats);
 }
 
-PALPATE_CLONES void contract(const float* values, std::size_t plane, std::size_t n, const float* normals,
-                             float* out, std::size_t ld, float* sums) noexcept {
-  contract_half(values, plane, n, normals, normals, out, ld, sums, take_floats);
+PALPATE_CLONES void contract(const float* values, std::size_t n, const float* normals, std::size_t ld,
+                             float* out, float* sums) noexcept {
+  contract_half(values, n, normals, ld, out, sums, take_floats);
 }
 
 // A word is two numbers of 16 bits, 65536 times the first plus the second: as a whole it is the first, to the
@@ -159,10 +158,9 @@ PALPATE_CLONES void multiply_pairs(const std::int32_t* pairs, std::size_t plane,
   multiply_half(pairs, plane, n, f, u, take_pairs);
 }
 
-PALPATE_CLONES void contract_pairs(const std::int32_t* pairs, std::size_t plane, std::size_t n,
-                                   const float* left, const float* right, float* out, std::size_t ld,
-                                   float* sums) noexcept {
-  contract_half(pairs, plane, n, left, right, out, ld, sums, take_pairs);
+PALPATE_CLONES void contract_pairs(const std::int32_t* pairs, std::size_t n, const float* normals,
+                                   std::size_t ld, float* out, float* sums) noexcept {
+  contract_half(pairs, n, normals, ld, out, sums, take_pairs);
 }
 
 }  // namespace
@@ -235,18 +233,19 @@ bool SymmetricHalf::add_rough_product(std::size_t n, std::size_t plane, std::spa
   return true;
 }
 
-void SymmetricHalf::along_normals(std::size_t n, std::span<const float> normals, std::size_t ld, bool rough,
+bool SymmetricHalf::along_normals(std::size_t n, std::span<const float> normals, std::size_t ld, bool rough,
                                   float* out, std::span<float> sums, std::span<float> work) const noexcept {
   const std::size_t end = (n + lanes - 1) / lanes * lanes;
   std::fill_n(sums.begin(), end, 0.0f);
-  if (!rough || n < worth_it) return contract(values_.data(), ld, n, normals.data(), out, ld, sums.data());
-  float *const left = work.data(), *const right = left + 3 * ld;
+  if (!rough || n < worth_it) {
+    contract(values_.data(), n, normals.data(), ld, out, sums.data());
+    return false;
+  }
+  const float unit = 1 / std::sqrt(most * second_one);
   for (std::size_t b = 0; b < 3; ++b)
-    for (std::size_t k = b * ld; k < b * ld + end; ++k) {
-      left[k] = k < b * ld + n ? normals[k] * size_[b][k - b * ld] : 0.0f;
-      right[k] = left[k] * (1 / most / second_one);
-    }
-  contract_pairs(pairs_.data(), ld, n, left, right, out, ld, sums.data());
+    for (std::size_t k = 0; k < end; ++k) work[b * ld + k] = normals[b * ld + k] * (unit * size_[b][k]);
+  contract_pairs(pairs_.data(), n, work.data(), ld, out, sums.data());
+  return true;
 }
 
 }  // namespace palpate

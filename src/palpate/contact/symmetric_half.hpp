@@ -36,9 +36,10 @@ class SymmetricHalf {
                          std::span<float> u, std::span<float> work) const noexcept;
   // n_i . A_ij n_j for the first n blocks and each block's columns up to its own eight: out[i ld + j], in
   // whole eights of rows. sums: of each row's sizes, by symmetry its whole row's. normals: x of all, from ld
-  // on y, from 2 ld on z; zero from n to the next eight. rough: from 16 bits as above, where that is faster,
-  // each to 1e-5 of the root of its row's and its column's diagonal element. work: 6 ld numbers.
-  void along_normals(std::size_t n, std::span<const float> normals, std::size_t ld, bool rough, float* out,
+  // on y, from 2 ld on z; zero from n to the next eight. rough: from 16 bits as above, where that is faster
+  // (true), each off by 1e-5 of the root of its row's and its column's diagonal element, root mean square.
+  // work: 3 ld numbers.
+  bool along_normals(std::size_t n, std::span<const float> normals, std::size_t ld, bool rough, float* out,
                      std::span<float> sums, std::span<float> work) const noexcept;
   // Block (i, i), by rows.
   const std::array<float, 9>& own(std::size_t i) const noexcept { return own_[i]; }

@@ -41,6 +41,7 @@ void equals_the_compliance(std::size_t capacity, std::size_t watchable, std::siz
     for (const Index row : wanted) {
       ASSERT_TRUE(block.is_loadable(block.slot_of(row)));
       loaded.push_back(block.slot_of(row)), forces.push_back(Vec3::Random());
+      ASSERT_EQ(block.own(loaded.back()), block.between(loaded.back(), loaded.back()));
       for (const Index other : wanted)
         for (int a = 0; a < 3; ++a)
           for (int b = 0; b < 3; ++b)
@@ -117,6 +118,7 @@ TEST(ContactBlock, CombinesThreeNodes) {
       return sum;
     };
     for (int p = 0; p < 2; ++p) {
+      EXPECT_EQ(block.own(slot[p]), block.between(slot[p], slot[p]));
       for (const Index node : wanted[k]) {
         const Mat3 row = expected(p, [&](Index i) { return between(i, node); });
         EXPECT_LT((block.between(slot[p], block.slot_of(node)) - row).norm(), 1e-3);
@@ -146,7 +148,7 @@ TEST(ContactBlock, EqualsTheComplianceWhateverCameBefore) {
   equals_the_compliance(1, 40);
   equals_the_compliance(3, 40);  // most of all are only watched
   equals_the_compliance(50, 1);
-  equals_the_compliance(150, 30, 200);  // rows are widened and narrowed
+  equals_the_compliance(150, 30, 200);  // many slots come and go
 }
 
 }  // namespace

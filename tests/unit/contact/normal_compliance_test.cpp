@@ -130,8 +130,8 @@ TEST(NormalCompliance, OfManyIsRoughWhereThatIsAllowed) {
   constexpr std::size_t many = 220;
   std::mt19937 random(8);
   const Compliance c = some_compliance(random, many);
-  ContactBlock block(many, 0, many);
-  NormalCompliance kept(block.plane(), many);
+  ContactBlock block(many, 0, many, 1);
+  NormalCompliance kept(block.plane(), many + 1);
   std::vector<ContactPoint> points(many);
   std::vector<Index> wanted;
   for (std::size_t k = 0; k < many; ++k)
@@ -139,20 +139,21 @@ TEST(NormalCompliance, OfManyIsRoughWhereThatIsAllowed) {
   block.require(c, wanted);
   for (ContactPoint& p : points) p.slot = block.slot_of(p.row), p.normal = Vec3::Random().normalized();
   const auto exact = [&] {
-    Eigen::MatrixXd a(many, many);
-    for (std::size_t i = 0; i < many; ++i)
-      for (std::size_t j = 0; j < many; ++j)
-        a(static_cast<int>(i), static_cast<int>(j)) =
-            kept.scale(i) * kept.scale(j) *
-            points[i].normal.dot(block.between(points[i].slot, points[j].slot) * points[j].normal);
-    return a;
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(
+        static_cast<Eigen::Index>(points.size()), static_cast<Eigen::Index>(points.size()),
+        [&](Eigen::Index row, Eigen::Index column) {
+          const auto i = static_cast<std::size_t>(row), j = static_cast<std::size_t>(column);
+          const Mat3 between = block.between(points[i].slot, points[j].slot);
+          return kept.scale(i) * kept.scale(j) * points[i].normal.dot(between * points[j].normal);
+        }));
   };
   const auto off = [&](const Eigen::MatrixXd& a) {
     double most = 0;
-    for (std::size_t i = 0; i < many; ++i)
-      for (std::size_t j = 0; j < i; ++j)
-        most = std::max(most, std::abs(static_cast<double>(kept.between(i, j)) -
-                                       a(static_cast<int>(i), static_cast<int>(j))));
+    for (int i = 0; i < a.rows(); ++i)
+      for (int j = 0; j < i; ++j)
+        most = std::max(most, std::abs(static_cast<double>(kept.between(static_cast<std::size_t>(i),
+                                                                        static_cast<std::size_t>(j))) -
+                                       a(i, j)));
     return most;
   };
   kept.update(block, points, 0.02);
@@ -173,6 +174,39 @@ TEST(NormalCompliance, OfManyIsRoughWhereThatIsAllowed) {
     EXPECT_LT(off(a), 2 * 0.02 + 6e-5) << tick;
     EXPECT_GE(static_cast<double>(kept.norm()) * 1.02, largest_eigenvalue(a)) << tick;
   }
+  // What may hardly differ: two points of a node, and places.
+  points.push_back(points[3]), points.back().normal = Vec3(points[3].normal + Vec3(1e-3, 0, 0)).normalized();
+  kept.update(block, points, 0.02);
+  for (std::size_t j = 0; j + 1 < points.size(); ++j)
+    EXPECT_NEAR(static_cast<double>(kept.between(many, j)), exact()(many, static_cast<int>(j)), 0.04 + 1e-6);
+  EXPECT_LT(kept.between(many, 3), 1);
+  points.back().slot = block.combine({points[3].slot, points[4].slot, -1}, Vec3(0.999, 1e-3, 0));
+  points.back().normal = points[3].normal;
+  for (int turn = 0; turn < 2; ++turn)
+    for (ContactPoint& p : points) p.normal = (p.normal + 0.03 * p.normal.unitOrthogonal()).normalized();
+  kept.update(block, points, 0.02);
+  EXPECT_LT(off(exact()), 1e-6);
+}
+
+// Many points of few nodes, right after others had all slots.
+TEST(NormalCompliance, HasRoomForAllPointsOfFewNodes) {
+  constexpr std::size_t many = 48;
+  std::mt19937 random(9);
+  const Compliance c = some_compliance(random, many);
+  ContactBlock block(many, 0, many);
+  NormalCompliance kept(block.plane(), many);
+  std::vector<Index> wanted(many);
+  for (std::size_t k = 0; k < many; ++k) wanted[k] = static_cast<Index>(k);
+  block.require(c, wanted);
+  block.require(c, std::span(wanted).last(many / 4));
+  std::vector<ContactPoint> points(many);
+  for (std::size_t k = 0; k < many; ++k) {
+    points[k].row = wanted[many - 1 - k / 4], points[k].slot = block.slot_of(points[k].row);
+    points[k].normal = Vec3::Random().normalized();
+  }
+  kept.update(block, points, 0);
+  EXPECT_GT(kept.size(), block.plane() + 2 * many / 3);
+  EXPECT_LE(kept.size(), kept.ld());
 }
 
 TEST(NormalCompliance, RowsStayWhileNormalsHardlyTurn) {

@@ -37,7 +37,7 @@ TEST(SymmetricHalf, MultipliesAsTheWholeMatrix) {
             expected += static_cast<double>(element(k, j, a, b)) * static_cast<double>(f[b * plane + j]);
         ASSERT_NEAR(static_cast<double>(u[a * plane + k]), expected, 3e-5) << round << ' ' << n << ' ' << k;
       }
-    std::vector<float> along(plane * plane), sums(plane), work(6 * plane);  // f for normals
+    std::vector<float> along(plane * plane), sums(plane), work(3 * plane);  // f for normals
     half.along_normals(n, f, plane, false, along.data(), sums, work);
     for (std::size_t k = 0; k < n; ++k) {
       double sum = 0;
