@@ -11,8 +11,8 @@ namespace palpate {
 namespace {
 
 // From an element (a, b) of a row to (a + 1, b).
-constexpr std::size_t along = 3 * lanes;
-static_assert(element_at(lanes, 1) == 9 * lanes + along);
+constexpr std::size_t along = element_at(0, 1);
+static_assert(along == 3 * lanes && element_at(lanes) == 9 * lanes);
 
 // A slot's row and the force on it.
 struct Loaded {
@@ -188,12 +188,10 @@ void ContactBlock::fill(std::size_t slot, Index row) noexcept {
 
 // A loadable slot's row and column.
 void ContactBlock::move_slot(std::size_t from, std::size_t to) noexcept {
-  std::copy_n(row_of_values(from), row_size(), row_of_values(to));
-  for (std::size_t i = 0; i < used_; ++i) {
-    float* const row = row_of_values(i);
-    for (std::size_t e = 0; e < 9; ++e) row[element_at(to) + e * lanes] = row[element_at(from) + e * lanes];
-  }
-  half_.set(to, row_of_values(to), used_);
+  float* const row = row_of_values(to);
+  std::copy_n(row_of_values(from), row_size(), row);
+  for (std::size_t e = 0; e < 9; ++e) row[element_at(to) + e * lanes] = row[element_at(from) + e * lanes];
+  row_is_made(to);
   wanted_[to] = wanted_[from];
   fill(to, row_of_slot_[from]);
 }
@@ -225,7 +223,7 @@ void ContactBlock::shrink(std::size_t allowed) noexcept {
   }
 }
 
-// The rows of some loadable slots, and their mirror image: C is symmetric.
+// The rows of some loadable slots.
 void ContactBlock::fetch(const Compliance& compliance, std::span<const Index> slots) noexcept {
   for (std::size_t first = 0; first < slots.size(); first += at_once) {
     const std::span<const Index> some = slots.subspan(first, std::min(at_once, slots.size() - first));
@@ -233,16 +231,16 @@ void ContactBlock::fetch(const Compliance& compliance, std::span<const Index> sl
     const std::size_t ld = 3 * used_;
     compliance.block({rows_.data(), some.size()}, {row_of_slot_.data(), used_},
                      {fetched_.data(), 3 * some.size() * ld}, ld);
-    for (std::size_t k = 0; k < some.size(); ++k)
+    for (std::size_t k = 0; k < some.size(); ++k) {
+      const auto slot = static_cast<std::size_t>(some[k]);
+      float* const row = row_of_values(slot);
       for (std::size_t j = 0; j < used_; ++j)
         for (std::size_t a = 0; a < 3; ++a)
-          for (std::size_t b = 0; b < 3; ++b) {
-            const auto i = static_cast<std::size_t>(some[k]);
-            const float c = fetched_[(3 * k + a) * ld + 3 * j + b];
-            row_of_values(i)[element_at(j, a, b)] = row_of_values(j)[element_at(i, b, a)] = c;
-          }
+          for (std::size_t b = 0; b < 3; ++b)
+            row[element_at(j, a, b)] = fetched_[(3 * k + a) * ld + 3 * j + b];
+      row_is_made(slot);
+    }
   }
-  for (const Index slot : slots) half_.set(static_cast<std::size_t>(slot), row(slot), used_);
 }
 
 // A new one, or the next that has not been asked for since the last time round.
@@ -305,8 +303,7 @@ void ContactBlock::take_watched(const Compliance& compliance, std::size_t watche
                                 std::size_t slot) noexcept {
   update_watched(compliance, watched);
   std::copy_n(row_of_values(watched), row_size(), row_of_values(slot));
-  mirror(slot, used_);
-  half_.set(slot, row_of_values(slot), used_);
+  row_is_made(slot);
 }
 
 // The column to a slot's row: C is symmetric.
@@ -315,6 +312,12 @@ void ContactBlock::mirror(std::size_t slot, std::size_t rows) noexcept {
   for (std::size_t j = 0; j < rows; ++j)
     for (std::size_t a = 0; a < 3; ++a)
       for (std::size_t b = 0; b < 3; ++b) row_of_values(j)[element_at(slot, b, a)] = row[element_at(j, a, b)];
+}
+
+// What follows from a loadable slot's row.
+void ContactBlock::row_is_made(std::size_t slot) noexcept {
+  mirror(slot, used_);
+  half_.set(slot, row_of_values(slot), used_);
 }
 
 Index ContactBlock::combine(const std::array<Index, 3>& slots, const Vec3& weights) noexcept {

@@ -116,6 +116,7 @@ class ContactBlock {
   void take_watched(const Compliance& compliance, std::size_t watched, std::size_t slot) noexcept;
   void shrink(std::size_t allowed) noexcept;
   void mirror(std::size_t slot, std::size_t rows) noexcept;
+  void row_is_made(std::size_t slot) noexcept;
   void move_slot(std::size_t from, std::size_t to) noexcept;
   void fetch(const Compliance& compliance, std::span<const Index> slots) noexcept;
 

@@ -91,9 +91,8 @@ void NormalCompliance::find_rows(const ContactBlock& block, std::span<const Cont
   }
   for (std::size_t k = 0; k < slots; ++k)
     if (stale_[k] && !taken_[k]) normal_[k].setZero(), scale_[k] = 1;
-  for (std::size_t k = 0; k < size_; ++k) {
+  for (std::size_t k = 0; k < size_; ++k)
     if (stale_[k]) compliance_row_[k] = k < slots ? block.row_of(slot_[k]) : -1;
-  }
   for (std::size_t b = 0; b < 3; ++b) {
     float* const normals = normals_.data() + b * ld_;
     for (std::size_t k = 0; k < slots; ++k)

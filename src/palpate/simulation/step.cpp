@@ -90,8 +90,7 @@ State make_state(const Model& model) {
   w.u_before_number.assign(w.u_before.size(), 0);
   w.looked_at.resize(instruments * w.faces.faces.size());
   w.seen.resize(w.u_before.size());
-  w.point_slots.resize(capacity), w.point_forces.resize(capacity),
-      w.placed_u.resize(3 * w.block.plane());
+  w.point_slots.resize(capacity), w.point_forces.resize(capacity), w.placed_u.resize(3 * w.block.plane());
   w.u.assign(s, Vec3::Zero());
   w.u_number.assign(s, 0);
   w.clear.resize(s * instruments);
