@@ -46,18 +46,18 @@ std::vector<Value> percentiles(int nodes, std::size_t contacts, double friction,
   scenes::Press press = scenes::press_ball(scenes::bake_kidney(nodes));
   press.model.settings.friction = friction;
   double depth = 0;
-  const LoopReport r = slide(press, contacts, ticks, 60, awake, depth);
+  const LoopReport r = slide(press, contacts, ticks, LoopSettings().frame_rate, awake, depth);
   std::vector<Value> out;
   for (const double p : {0.5, 0.99, 0.999})
     out.push_back(
         {1e3 * r.ticks.cpu.percentile(p), peer.peer, peer.peer_value,
          fmt::format(
              "{} ticks, {}, {:.0f} contacts, mu {}, {} not converged, worst {:.3g} ms, due to done {:.3g} "
-             "ms, worst {:.3g} (empty loop {:.3g}, {:.3g}), {} missed ({})",
+             "ms, worst {:.3g} (empty loop {:.3g}, {:.3g}), {} missed ({}), {:.0f} surfaces a second",
              r.ticks.cpu.count(), awake ? "awake" : "sleeping in between", r.contacts_mean, friction,
              r.not_converged, 1e3 * r.ticks.cpu.worst(), 1e3 * r.ticks.wall.percentile(p),
              1e3 * r.ticks.wall.worst(), 1e3 * r.idle.wall.percentile(p), 1e3 * r.idle.wall.worst(),
-             r.ticks.missed, r.idle.missed)});
+             r.ticks.missed, r.idle.missed, static_cast<double>(r.frames) / r.seconds)});
   return out;
 }
 

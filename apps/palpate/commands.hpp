@@ -55,7 +55,7 @@ struct SimulateOptions {
   bool loop = false;                     // in real time instead of step by step
   double rate = 1000;                    // of the loop, ticks a second
   bool awake = false;                    // LoopSettings::awake
-  double frame_rate = 60;                // of its surfaces, a second
+  double frame_rate = 120;               // of its surfaces, a second
   std::uint64_t ticks = 0;               // 0: as long as the motion
   std::string device;                    // haptic device that leads the first instrument; empty: the motion
   std::vector<double> device_at;         // where its frame stands in the world, m

@@ -65,31 +65,55 @@ struct ClusterBounds {
   void update(const Clusters& of, std::span<const Vec3> positions) noexcept;
 };
 
-// Calls look(node) for the nodes of the clusters that may hold one nearer to the shape than `reach` (m) when
-// each has moved from `positions` by up to its softness times `drift`, but for those that are clearly not. In
-// the order of the clusters.
+// Where nodes are about: at `positions` and `along` times `changes` from there, but for up to their softness
+// times `drift`.
+struct Whereabouts {
+  const ClusterBounds& bounds;  // of the positions
+  std::span<const Vec3> positions;
+  const ClusterBounds& change_bounds;
+  std::span<const Vec3> changes;
+  double along = 0, drift = 0;
+
+  Vec3 of(Index node) const noexcept {
+    const auto k = static_cast<std::size_t>(node);
+    return along == 0 ? positions[k] : Vec3(positions[k] + along * changes[k]);
+  }
+  Ball of_cluster(std::size_t c) const noexcept {
+    return moved(bounds.clusters[c], change_bounds.clusters[c]);
+  }
+  Ball of_group(std::size_t g) const noexcept { return moved(bounds.groups[g], change_bounds.groups[g]); }
+
+ private:
+  Ball moved(const Ball& ball, const Ball& change) const noexcept {
+    if (along == 0) return ball;
+    return {ball.center + along * change.center, ball.radius + std::abs(along) * change.radius};
+  }
+};
+
+// Calls look(node) for the nodes of the clusters that may hold one nearer to the shape than `reach` (m), but
+// for those that are clearly not. In the order of the clusters.
 template <class Look>
-void look_near(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
-               const PlacedShape& shape, double reach, double drift, Look&& look) noexcept {
+void look_near(const Clusters& clusters, const Whereabouts& where, const PlacedShape& shape, double reach,
+               Look&& look) noexcept {
   // How far from the shape's surface the ball's centre is; infinite: no node in it is near.
   const auto away = [&](const Ball& ball, float softness) {
-    const double grown = ball.radius + reach + drift * static_cast<double>(softness);
+    const double grown = ball.radius + reach + where.drift * static_cast<double>(softness);
     if (!shape.box.grown(grown).contains(ball.center) || !shape.may_be_nearer(ball.center, grown))
       return std::numeric_limits<double>::infinity();
     const double d = shape.distance(ball.center);
     return d <= grown ? d : std::numeric_limits<double>::infinity();
   };
-  for (std::size_t g = 0; g < bounds.groups.size(); ++g) {
-    if (away(bounds.groups[g], clusters.group_softness[g]) > 1e300) continue;
+  for (std::size_t g = 0; g < clusters.groups(); ++g) {
+    if (away(where.of_group(g), clusters.group_softness[g]) > 1e300) continue;
     const std::size_t last = std::min((g + 1) * Clusters::per_group, clusters.size());
     for (std::size_t c = g * Clusters::per_group; c < last; ++c) {
-      const Ball& ball = bounds.clusters[c];
+      const Ball ball = where.of_cluster(c);
       const double from_center = away(ball, clusters.cluster_softness[c]);
       if (from_center > 1e300) continue;
       for (auto i = static_cast<std::size_t>(clusters.begin[c]);
            i < static_cast<std::size_t>(clusters.begin[c + 1]); ++i) {
-        const Vec3& p = positions[static_cast<std::size_t>(clusters.nodes[i])];
-        const double within = reach + drift * static_cast<double>(clusters.softness[i]);
+        const Vec3 p = where.of(clusters.nodes[i]);
+        const double within = reach + where.drift * static_cast<double>(clusters.softness[i]);
         const double off = from_center - within;  // the ball's centre is so much too far, and p not nearer
         if (off > 0 && (p - ball.center).squaredNorm() < off * off) continue;
         look(clusters.nodes[i]);
@@ -102,7 +126,7 @@ void look_near(const Clusters& clusters, const ClusterBounds& bounds, std::span<
 template <class Found>
 void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
                 const PlacedShape& shape, double reach, Found&& found) noexcept {
-  look_near(clusters, bounds, positions, shape, reach, 0, [&](Index node) {
+  look_near(clusters, {bounds, positions, bounds, positions}, shape, reach, [&](Index node) {
     const Vec3& p = positions[static_cast<std::size_t>(node)];
     if (!shape.may_be_nearer(p, reach)) return;
     const double d = shape.distance(p);

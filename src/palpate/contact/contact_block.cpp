@@ -81,6 +81,9 @@ PALPATE_CLONES void dot_row(const float* row, std::size_t slots, const float* f,
 // Rows of new slots are fetched so many at a time.
 constexpr std::size_t at_once = 32;
 
+// Up to one slot in so many that was filled since is found by itself; else all slots are looked at.
+constexpr std::size_t hardly_any = 8;
+
 // Slots that a call moves at most to close gaps: what that costs is spread over calls.
 constexpr int most_moves = 2;
 
@@ -274,7 +277,7 @@ std::size_t ContactBlock::find_filled_since(std::uint64_t fills) noexcept {
   const auto add = [&](std::size_t slot) {
     since_[n] = static_cast<Index>(slot), rows_[n++] = row_of_slot_[slot];
   };
-  if (fills_ - fills >= slot_of_fill_.size()) {
+  if (fills_ - fills > used_ / hardly_any) {
     for (std::size_t k = 0; k < used_; ++k)
       if (filled_[k] > fills) add(k);
     return n;

@@ -3,8 +3,9 @@
 // the work of a Deformer, which may be another thread's and lag behind. Detection starts from the surface it
 // is given, made under forces f0 of some earlier tick, and bounds how far a node can have moved since: with C
 // symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(lambda(C_ii)) sqrt((f - f0).C(f - f0)) (Cauchy,
-// Schwarz). What may be near by that bound, and where it was last placed does not tell enough of where it is
-// now (travel.cpp), is placed exactly, by rows of C, summed in an order that does not depend on the bound. So
+// Schwarz). The surface's own last change tells most of how it went on, and for f the rest is taken
+// (travel.cpp). What may be near by that bound, and where it was last placed does not tell enough of where it
+// is now, is placed exactly, by rows of C, summed in an order that does not depend on the bound. So
 // a tick's cost follows the number of contacts, and its bits do not depend on the surface's age.
 #include <algorithm>
 #include <cmath>
@@ -143,17 +144,25 @@ Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
                                                       displacement_before(model, state, node)));
 }
 
-}  // namespace
-
-bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
-              double near, double drifted) {
-  const double clearance =
-      near + static_cast<double>(w.softness[at(node)]) * std::max(drifted, w.drifted_before);
-  if (d <= clearance || way_through(w, instrument) == 0) return d <= clearance;
-  const Vec3& p = surface.positions[at(node)];
-  const PlacedShape& shape = w.shapes[instrument];
-  return passes(*shape.shape, w.sweeps[instrument].last * p, shape.to_shape * p, clearance);
+// more: what the loads may go on by, sqrt J.
+Whereabouts whereabouts(const Surface& surface, const Lag& lag, double more = 0) {
+  return {surface.bounds,  surface.positions, surface.change_bounds,
+          surface.changes, lag.all.along,     lag.all.besides + more};
 }
+
+// Whether a node that lies `d` off the shape where the surface leads may come nearer than `near` to the shape
+// on its way through this tick.
+bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
+              double near) {
+  const double off = std::max(w.lag.all.besides, w.lag_before.all.besides);
+  const double clearance = near + static_cast<double>(w.softness[at(node)]) * off;
+  if (d <= clearance || way_through(w, instrument) == 0) return d <= clearance;
+  const PlacedShape& shape = w.shapes[instrument];
+  return passes(*shape.shape, w.sweeps[instrument].last * whereabouts(surface, w.lag_before).of(node),
+                shape.to_shape * whereabouts(surface, w.lag).of(node), clearance);
+}
+
+}  // namespace
 
 void add_near(StepScratch& w, Index node) {
   if (!w.is_near[at(node)]) w.is_near[at(node)] = 1, w.near.push_back(node);
@@ -164,18 +173,17 @@ namespace {
 // Nodes but for the points of this instrument that may be nearer than `reach` under state.loads, or that the
 // shape passed through.
 void find_candidates(const Model& model, State& state, const Surface& surface, std::size_t instrument,
-                     double reach, double drifted) {
+                     double reach) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
   const Index* points = w.point_of.data() + instrument * model.organ.surface_size();
   w.candidates.clear();
-  // The surface is float32: what it says is off by less than the tolerance.
-  const double near = reach + w.tolerance, swept = near + way_through(w, instrument);
+  const Whereabouts where = whereabouts(surface, w.lag, w.travel.come_at_most);
+  const double near = reach + surface_off * w.tolerance, swept = near + way_through(w, instrument);
   const auto add = [&](Index node, double d, double clear) {
     if (clear > swept + lipschitz * static_cast<double>(w.softness[at(node)]) * w.travel.come_at_most) return;
     add_near(w, node);
-    if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near, drifted))
-      w.candidates.push_back(node);
+    if (!(clear > swept) && may_meet(w, surface, instrument, node, d, near)) w.candidates.push_back(node);
   };
   // Those whose distance is not remembered are looked at many at a time.
   std::array<Index, 32> open;
@@ -187,21 +195,20 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
     for (std::size_t k = 0; k < count; ++k) {
       const Index node = open[k];
       const double d = gap[k].distance;
-      const double clear = d - lipschitz * static_cast<double>(w.softness[at(node)]) * drifted;
+      const double clear = d - lipschitz * static_cast<double>(w.softness[at(node)]) * w.lag.all.besides;
       if (surface.loads.u_known && clear > clearance(w, instrument, node))
-        remember(w, instrument, node, clear, expected(w, node));
+        remember(w, instrument, node, clear, expected(w, surface, node));
       add(node, d, clear);
     }
     count = 0;
   };
-  look_near(*surface.clusters, surface.bounds, surface.positions, shape, swept,
-            drifted + w.travel.come_at_most, [&](Index node) {
-              if (points[node] >= 0) return;
-              const double remembered = clearance(w, instrument, node);
-              if (remembered > swept) return add(node, remembered, remembered);
-              open[count] = node, own[count] = shape.own(surface.positions[at(node)]);
-              if (++count == open.size()) look();
-            });
+  look_near(*surface.clusters, where, shape, swept, [&](Index node) {
+    if (points[node] >= 0) return;
+    const double remembered = clearance(w, instrument, node);
+    if (remembered > swept) return add(node, remembered, remembered);
+    open[count] = node, own[count] = shape.own(where.of(node));
+    if (++count == open.size()) look();
+  });
   look();
 }
 
@@ -225,8 +232,8 @@ bool may_touch(const Model& model, const State& state, std::size_t instrument, I
 // that its way is off the clearance. A node is placed only where what is expected of it leaves open which it
 // is.
 template <class Found>
-void near_now(const Model& model, State& state, std::size_t instrument, std::span<const Index> candidates,
-              double reach, bool looked_at, Found&& found) {
+void near_now(const Model& model, State& state, const Surface& surface, std::size_t instrument,
+              std::span<const Index> candidates, double reach, bool looked_at, Found&& found) {
   StepScratch& w = *state.scratch;
   const PlacedShape& shape = w.shapes[instrument];
   const double swept = std::max(reach, 1.5 * way_through(w, instrument)) + w.tolerance;
@@ -237,7 +244,7 @@ void near_now(const Model& model, State& state, std::size_t instrument, std::spa
   };
   for (const Index node : candidates) {
     if (w.point_of[instrument * model.organ.surface_size() + at(node)] >= 0 || w.grasped[at(node)]) continue;
-    const Expected there = expected(w, node);
+    const Expected there = expected(w, surface, node);
     // The way of the instrument and of the tissue, at most: what has passed through is hardly farther now.
     const double way = way_through(w, instrument, come_at_most(w, node, there));
     const double within = std::max(reach, 1.5 * way) + w.tolerance;
@@ -360,15 +367,13 @@ void detect(const Model& model, State& state, const Surface& surface) {
     p->reference = w.shapes[i].in_organ(c.touched) - p->rest;
   }
   if (lost > 0) w.moved_forces = true;
-  for (std::size_t i = 0; i < surface.loads.count; ++i)  // drift() asks for them again and again
-    add_near(w, model.organ.node_of_row[at(surface.loads.rows[i])]);
-  const double drifted = w.drifted_before = drift(model, state, surface);
+  w.lag = w.lag_before = lag_of(model, state, surface, w.earlier, 0.5 * w.travel.come_at_most);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     const double reach = reach_of(w, i);
-    find_candidates(model, state, surface, i, reach, drifted);
-    find_faces(model, state, surface, i, drifted);
+    find_candidates(model, state, surface, i, reach);
+    find_faces(model, state, surface, i, w.lag.drifted);
     if (w.candidates.empty() && (w.faces.empty() || w.near_faces[i].empty())) continue;
-    near_now(model, state, i, w.candidates, reach, false, [&](Index node, double, const Vec3& u) {
+    near_now(model, state, surface, i, w.candidates, reach, false, [&](Index node, double, const Vec3& u) {
       if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
     });
   }
@@ -409,23 +414,26 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   // Whether all that may have come near was near for detect().
   const bool all_near = model.settings.mode == Mode::unilateral && w.travel.come <= w.travel.come_at_most;
-  const double drifted = all_near ? 0 : drift(model, state, surface);
+  w.lag = all_near ? lag_after(model, state, surface, w.lag_before, w.before, w.travel.come)
+                   : lag_of(model, state, surface, w.before, w.travel.come);
   state.deepest_after = 0;
   for (const ContactPoint& c : w.points)
     state.deepest_after = std::max(state.deepest_after, c.grasped ? std::abs(c.gap) : -c.gap);
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (!all_near) {  // near_now() looks so far for what has passed through
       const double way = way_through(w, i, w.softest * w.travel.come);
-      find_candidates(model, state, surface, i, way > 0 ? 1.5 * way : -w.tolerance, drifted);
+      find_candidates(model, state, surface, i, way > 0 ? 1.5 * way : -w.tolerance);
     }
     std::vector<Index>& nodes = all_near ? w.near : w.candidates;
     if (!has_room(w, nodes.size())) std::sort(nodes.begin(), nodes.end());  // who gets the last
-    near_now(model, state, i, nodes, -w.tolerance, all_near, [&](Index node, double d, const Vec3& u) {
-      state.deepest_after = std::max(state.deepest_after, -d);
-      for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
-        if (w.point_of[other * s + at(node)] >= 0) return;
-      if (!add_point(model, w, node, i, u, path_of(model, state, i, node))) state.status |= too_many_contacts;
-    });
+    near_now(model, state, surface, i, nodes, -w.tolerance, all_near,
+             [&](Index node, double d, const Vec3& u) {
+               state.deepest_after = std::max(state.deepest_after, -d);
+               for (std::size_t other = 0; one_instrument_a_node && other < w.shapes.size(); ++other)
+                 if (w.point_of[other * s + at(node)] >= 0) return;
+               if (!add_point(model, w, node, i, u, path_of(model, state, i, node)))
+                 state.status |= too_many_contacts;
+             });
   }
   // The order of the points decides bits; that of what is near depends on the surface's age.
   const auto added = w.points.begin() + static_cast<std::ptrdiff_t>(before);

@@ -164,7 +164,7 @@ void find_faces(const Model& model, State& state, const Surface& surface, std::s
   found.clear();
   const PlacedShape& shape = w.shapes[instrument];
   const Sweep& sweep = w.sweeps[instrument];
-  const double moved = std::max(drifted, w.drifted_before), swept = way_between(w, instrument);
+  const double moved = std::max(drifted, w.lag_before.drifted), swept = way_between(w, instrument);
   for (std::size_t c = 0; c + 1 < f.triangles_begin.size(); ++c) {
     const Vec3& center = surface.bounds.clusters[c].center;
     const double near = w.reach + w.tolerance + felt_from * f.thickness[instrument] +

@@ -409,7 +409,7 @@ bool add_places(const Model& model, State& state, const Surface& surface, bool e
   w.left = 0;
   if (early)
     w.moved_forces = slide_places(model, state, [&](Index node) { return displacement(model, state, node); });
-  const bool found = (drifted - w.drifted_before) * w.softest <= w.reach;  // all, by detect()
+  const bool found = (drifted - w.lag_before.drifted) * w.softest <= w.reach;  // all, by detect()
   bool added = false;
   for (std::size_t i = 0; i < w.shapes.size(); ++i) {
     if (w.faces.thickness[i] == 0) continue;

@@ -44,6 +44,8 @@ Surface make_surface(const Organ& organ) {
   surface.clusters = std::make_shared<const Clusters>(organ.contact_points, organ.node_of_row, 32, softness);
   surface.bounds = ClusterBounds(*surface.clusters);
   surface.bounds.update(*surface.clusters, surface.positions);
+  surface.changes.assign(s, Vec3::Zero());
+  surface.change_bounds = ClusterBounds(*surface.clusters);
   return surface;
 }
 
@@ -52,6 +54,8 @@ Deformer::Deformer(const Organ& organ)
       gauge_(organ),
       forces_(3 * organ.surface_size()),
       u_(3 * organ.compliance.nodes()),
+      last_(organ.surface_size()),
+      last_u_(u_.size()),
       means_(organ.projection.rows(), Eigen::Vector4f::Zero()),
       drawn_(means_.size()),
       work_(2 * means_.size()) {}
@@ -81,8 +85,23 @@ void Deformer::operator()(const Organ& organ, const Loads& loads, Surface& surfa
       surface.displacement[at(organ.node_of_row[r])] = drawn_[r].head<3>();
   }
   surface.bounds.update(*surface.clusters, surface.positions);
+  find_changes(organ, loads, surface);
   surface.loads.copy(loads);
   gauge_(organ, loads, surface.displacement, surface.strains);
+}
+
+void Deformer::find_changes(const Organ& organ, const Loads& loads, Surface& surface) noexcept {
+  surface.change_work = 0;
+  if (compliance_.same_numbers(organ.compliance)) {
+    for (std::size_t r = 0; r < organ.compliance.nodes(); ++r)
+      for (std::size_t a = 0; a < 3; ++a)
+        surface.changes[at(organ.node_of_row[r])][static_cast<int>(a)] =
+            static_cast<double>(u_[3 * r + a]) - static_cast<double>(last_u_[3 * r + a]);
+    surface.change_bounds.update(*surface.clusters, surface.changes);
+    surface.change_work =
+        loads.work_on(organ.node_of_row, surface.changes) - last_.work_on(organ.node_of_row, surface.changes);
+    last_.copy(loads), std::swap(last_u_, u_);
+  }
 }
 
 }  // namespace palpate

@@ -21,8 +21,18 @@ struct Loads {
   std::uint64_t number = 0;  // no two different sets of a simulation have the same; 0: none yet
 
   Loads() = default;
-  explicit Loads(std::size_t capacity) : rows(capacity, -1), forces(capacity), u(capacity) {}
+  explicit Loads(std::size_t capacity)
+      : rows(capacity, -1), forces(capacity, Vec3::Zero()), u(capacity, Vec3::Zero()) {}
   double work() const noexcept;  // of the forces on u, J
+  // And where the surface nodes move so far, m.
+  template <class Vector>
+  double work_on(std::span<const Index> node_of_row, const std::vector<Vector>& moved) const noexcept {
+    double sum = 0;
+    for (std::size_t i = 0; i < count; ++i)
+      sum += forces[i].dot(moved[static_cast<std::size_t>(node_of_row[static_cast<std::size_t>(rows[i])])]
+                               .template cast<double>());
+    return sum;
+  }
   // Takes over another's, of the same capacity.
   void copy(const Loads& other) noexcept;
 };
@@ -35,6 +45,11 @@ struct Surface {
   std::vector<Vec3> positions;      // of the contact points, m
   Strains strains;                  // where the loads act
   ClusterBounds bounds;             // of the free ones, in `clusters`
+  // What has changed of the loads since the surface that its Deformer made before did to the contact points,
+  // m, and its work on them, J: tells where they are going. 0: not known, or nothing.
+  std::vector<Vec3> changes;
+  ClusterBounds change_bounds;
+  double change_work = 0;
   std::shared_ptr<const Clusters> clusters;
 };
 
@@ -49,9 +64,13 @@ class Deformer {
   void operator()(const Organ& organ, const Loads& loads, Surface& surface) noexcept;
 
  private:
+  void find_changes(const Organ& organ, const Loads& loads, Surface& surface) noexcept;
+
   Compliance compliance_;  // the organ's, with work space
   StrainGauge gauge_;
   std::vector<float> forces_, u_;
+  Loads last_;  // the surface's before
+  std::vector<float> last_u_;
   std::vector<Eigen::Vector4f> means_, drawn_, work_;  // for the projection onto the surface nodes
 };
 

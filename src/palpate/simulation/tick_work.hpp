@@ -15,6 +15,9 @@ constexpr std::size_t most_watched = 2048;
 
 // Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
 constexpr double hidden = 1e-6;
+// Of the tolerance: a surface is float32, and so off by less than one, what its changes lead to by less than
+// two more.
+constexpr double surface_off = 3;
 // Ticks after which a point's displacement is summed up from all forces again, rather than from what changed.
 constexpr std::uint64_t exact_every = 16;
 
@@ -52,6 +55,14 @@ struct Travel {
   };
   static constexpr std::uint64_t remembered = 64;
   std::array<Since, remembered> since;  // of the last changes
+};
+
+// How far a surface lags behind some loads: since it was made nodes have moved by at most their softness
+// times `drifted`, sqrt J; or, as its own last change goes on, as Travel::Way says of that. And so by the
+// last change of the loads alone.
+struct Lag {
+  double drifted = 0;
+  Travel::Way all, last;
 };
 
 struct StepScratch {
@@ -156,7 +167,7 @@ struct StepScratch {
   double left = 0;                            // m: how deep instruments reach into triangles after a solve
   std::vector<std::uint8_t> is_wanted;        // of each row: in hold(), let_go()
   double softest = 0;                         // the largest softness
-  double drifted_before = 0;                  // from the surface to the last tick's loads, sqrt J
+  Lag lag, lag_before;                        // behind state.loads, and behind the last tick's
   double size = 0, tolerance = 0, reach = 0;  // m
 };
 
@@ -181,10 +192,6 @@ void forget_near(StepScratch& w);
 void add_near(StepScratch& w, Index node);
 // Whether there is room for so many more points; a place counts as three.
 bool has_room(const StepScratch& w, std::size_t more);
-// Whether a node that lies `d` off the shape on the lagging surface may come nearer than `near` to the shape
-// on its way through this tick.
-bool may_meet(const StepScratch& w, const Surface& surface, std::size_t instrument, Index node, double d,
-              double near, double drifted);
 // Whether no other point of the same node comes before this one.
 bool is_first(const Model& model, const StepScratch& w, const ContactPoint& c);
 // Whether no other instrument has a point of the same node.
@@ -223,9 +230,13 @@ std::array<Vec3, 2> place_about(const Model& model, State& state, Index node);
 
 // sqrt((f - f0).C(f - f0)) at most, sqrt J: f of state.loads, f0 of `then`.
 double drift(const Model& model, State& state, const Loads& then);
-inline double drift(const Model& model, State& state, const Surface& surface) {
-  return drift(model, state, surface.loads);
-}
+double drift(const Model& model, const State& state, const Surface& surface);
+// Of the surface behind state.loads. earlier: the loads before these; come: how far these have come since,
+// sqrt J.
+Lag lag_of(const Model& model, const State& state, const Surface& surface, const Loads& earlier, double come);
+// The same after one more change, from `lag` behind `earlier`.
+Lag lag_after(const Model& model, const State& state, const Surface& surface, const Lag& lag,
+              const Loads& earlier, double come);
 // After a solve, whose loads are spread: what changed of them adds to what any node may have moved.
 // whole: a tick's first, that the solver alone made.
 void travel(const Model& model, State& state, bool whole);
@@ -238,6 +249,8 @@ struct Expected {
   double off, off_change;
 };
 Expected expected(const StepScratch& w, Index node);
+// The same, or from where it is on the surface, whichever tells more.
+Expected expected(const StepScratch& w, const Surface& surface, Index node);
 // How far a node may have come in this tick, m.
 double come_at_most(const StepScratch& w, Index node, const Expected& there);
 // That the node is no nearer to the instrument now, under state.loads, m.

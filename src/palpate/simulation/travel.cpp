@@ -4,7 +4,9 @@
 // drags along, which all goes the same way. But while a motion goes on, the change of a tick is nearly that
 // of the one before, times a factor: df_n = a df_(n-1) + e, a by least squares in the energy. A node that
 // df_(n-1) moved by v (one more product with its row, when it is placed) is moved by a v, and what is off
-// from that is no more than sqrt(lambda(C_ii)) sqrt(e.C e), and so on from change to change.
+// from that is no more than sqrt(lambda(C_ii)) sqrt(e.C e), and so on from change to change. The same of all
+// nodes at once: a surface knows what changed from the one before (u1 = C df1), so what changed since, of
+// which df.C df1 = df.u1 needs no product, is a part of that and a rest.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -24,6 +26,8 @@ constexpr double hidden_change = 5e-4, hidden_beneath = 1e-9;
 constexpr double hardly_besides = 0.2;
 // Farther on or back nothing is told from the change before.
 constexpr double most_along = 4;
+// Of a surface's changes.
+constexpr double most_on = 2;
 // Of the tolerance: where a node was is said to rounding (place_about()).
 constexpr double rounded_off = 0.01;
 
@@ -42,15 +46,71 @@ void subtract(const ContactBlock& block, const StepScratch::Spread& a, const Ste
       out[k] = a.planes[k] - b.planes[k];
 }
 
+// sqrt((f - f0).C(f - f0)) at most, sqrt J, by f.C f, f.C f0, f0.C f0.
+double between(double work, double both, double then) {
+  return std::sqrt(std::max(0.0, work - 2 * both + then) + hidden * (std::abs(work) + then));
+}
+
 }  // namespace
 
 double drift(const Model& model, State& state, const Loads& then) {
   if (then.number == state.loads.number) return 0;
-  const double work = state.loads.work(), work_then = then.work();
   double both = 0;
   for (std::size_t i = 0; i < then.count; ++i)
     both += then.forces[i].dot(displacement_about(model, state, model.organ.node_of_row[at(then.rows[i])]));
-  return std::sqrt(std::max(0.0, work - 2 * both + work_then) + hidden * (std::abs(work) + work_then));
+  return between(state.loads.work(), both, then.work());
+}
+
+namespace {
+
+// A change of the loads by `come`, sqrt J, by least squares in the energy as a share of the surface's last.
+// on_changes: the work of what changed on the surface's changes; rounding: of such works, J.
+Travel::Way against(const Surface& surface, double on_changes, double come, double rounding) {
+  if (!surface.loads.u_known || !(surface.change_work > 0)) return {0, come};
+  const double along = std::clamp(on_changes / surface.change_work, -most_on, most_on);
+  const double rest = come * come + along * (along * surface.change_work - 2 * on_changes);
+  const double besides =
+      std::sqrt(std::max(0.0, rest) + (1 + std::abs(along)) * (1 + std::abs(along)) * rounding);
+  return besides < come ? Travel::Way{along, besides} : Travel::Way{0, come};
+}
+
+// The last change alone.
+Travel::Way last_against(const Model& model, const State& state, const Surface& surface, const Loads& earlier,
+                         double come) {
+  const std::vector<Index>& nodes = model.organ.node_of_row;
+  return against(surface,
+                 state.loads.work_on(nodes, surface.changes) - earlier.work_on(nodes, surface.changes), come,
+                 hidden_change * come * come + hidden_beneath * std::abs(state.loads.work()));
+}
+
+}  // namespace
+
+// As C is symmetric, f.C f0 is what f would do where f0 has led: no node has to be placed for it.
+double drift(const Model& model, const State& state, const Surface& surface) {
+  if (surface.loads.number == state.loads.number) return 0;
+  const auto on_surface = [&](const Loads& loads) {
+    return loads.work_on(model.organ.node_of_row, surface.reading);
+  };
+  return between(state.loads.work(), on_surface(state.loads),
+                 surface.loads.u_known ? surface.loads.work() : on_surface(surface.loads));
+}
+
+Lag lag_of(const Model& model, const State& state, const Surface& surface, const Loads& earlier,
+           double come) {
+  const std::vector<Index>& nodes = model.organ.node_of_row;
+  const double drifted = drift(model, state, surface);
+  const double on_changes =
+      state.loads.work_on(nodes, surface.changes) - surface.loads.work_on(nodes, surface.changes);
+  return {drifted,
+          against(surface, on_changes, drifted,
+                  hidden * (std::abs(state.loads.work()) + std::abs(surface.loads.work()))),
+          last_against(model, state, surface, earlier, come)};
+}
+
+Lag lag_after(const Model& model, const State& state, const Surface& surface, const Lag& lag,
+              const Loads& earlier, double come) {
+  const Travel::Way last = last_against(model, state, surface, earlier, come);
+  return {lag.drifted + come, {lag.all.along + last.along, lag.all.besides + last.besides}, last};
 }
 
 void travel(const Model& model, State& state, bool whole) {
@@ -109,6 +169,16 @@ Expected expected(const StepScratch& w, Index node) {
   const double rounding = rounded_off * w.tolerance;
   return {placed.u + since.all.along * placed.change, since.last.along * placed.change,
           softness * since.all.besides + rounding, softness * since.last.besides + rounding};
+}
+
+Expected expected(const StepScratch& w, const Surface& surface, Index node) {
+  const Expected there = expected(w, node);
+  const auto softness = static_cast<double>(w.softness[at(node)]);
+  const double off = softness * w.lag.all.besides + surface_off * w.tolerance;
+  if (!surface.loads.u_known || off >= there.off) return there;
+  const Vec3& change = surface.changes[at(node)];
+  return {surface.reading[at(node)].cast<double>() + w.lag.all.along * change, w.lag.last.along * change, off,
+          softness * w.lag.last.besides + surface_off * w.tolerance};
 }
 
 double come_at_most(const StepScratch& w, Index node, const Expected& there) {
