@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <span>
 #include <vector>
@@ -65,28 +66,38 @@ struct ClusterBounds {
   void update(const Clusters& of, std::span<const Vec3> positions) noexcept;
 };
 
-// Where nodes are about: at `positions` and `along` times `changes` from there, but for up to their softness
-// times `drift`.
+// Where nodes are about: at `positions` and from there `along` each of the changes, but for up to their
+// softness times `drift`.
 struct Whereabouts {
+  struct Shift {
+    const ClusterBounds& bounds;
+    std::span<const Vec3> moved;
+    double along = 0;
+  };
   const ClusterBounds& bounds;  // of the positions
   std::span<const Vec3> positions;
-  const ClusterBounds& change_bounds;
-  std::span<const Vec3> changes;
-  double along = 0, drift = 0;
+  std::array<Shift, 2> shifts;
+  double drift = 0;
 
   Vec3 of(Index node) const noexcept {
     const auto k = static_cast<std::size_t>(node);
-    return along == 0 ? positions[k] : Vec3(positions[k] + along * changes[k]);
+    Vec3 p = positions[k];
+    for (const Shift& shift : shifts)
+      if (shift.along != 0) p += shift.along * shift.moved[k];
+    return p;
   }
   Ball of_cluster(std::size_t c) const noexcept {
-    return moved(bounds.clusters[c], change_bounds.clusters[c]);
+    return moved(bounds.clusters[c], shifts[0].bounds.clusters[c], shifts[1].bounds.clusters[c]);
   }
-  Ball of_group(std::size_t g) const noexcept { return moved(bounds.groups[g], change_bounds.groups[g]); }
+  Ball of_group(std::size_t g) const noexcept {
+    return moved(bounds.groups[g], shifts[0].bounds.groups[g], shifts[1].bounds.groups[g]);
+  }
 
  private:
-  Ball moved(const Ball& ball, const Ball& change) const noexcept {
-    if (along == 0) return ball;
-    return {ball.center + along * change.center, ball.radius + std::abs(along) * change.radius};
+  Ball moved(const Ball& ball, const Ball& first, const Ball& second) const noexcept {
+    const double a = shifts[0].along, b = shifts[1].along;
+    return {ball.center + a * first.center + b * second.center,
+            ball.radius + std::abs(a) * first.radius + std::abs(b) * second.radius};
   }
 };
 
@@ -126,7 +137,8 @@ void look_near(const Clusters& clusters, const Whereabouts& where, const PlacedS
 template <class Found>
 void near_nodes(const Clusters& clusters, const ClusterBounds& bounds, std::span<const Vec3> positions,
                 const PlacedShape& shape, double reach, Found&& found) noexcept {
-  look_near(clusters, {bounds, positions, bounds, positions}, shape, reach, [&](Index node) {
+  const Whereabouts::Shift none{bounds, positions};
+  look_near(clusters, {bounds, positions, {none, none}}, shape, reach, [&](Index node) {
     const Vec3& p = positions[static_cast<std::size_t>(node)];
     if (!shape.may_be_nearer(p, reach)) return;
     const double d = shape.distance(p);

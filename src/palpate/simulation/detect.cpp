@@ -146,8 +146,10 @@ Path path_of(const Model& model, State& state, std::size_t shape, Index node) {
 
 // more: what the loads may go on by, sqrt J.
 Whereabouts whereabouts(const Surface& surface, const Lag& lag, double more = 0) {
-  return {surface.bounds,  surface.positions, surface.change_bounds,
-          surface.changes, lag.all.along,     lag.all.besides + more};
+  const auto shift = [&](std::size_t k) {
+    return Whereabouts::Shift{surface.changes[k].bounds, surface.changes[k].moved, lag.all.along[k]};
+  };
+  return {surface.bounds, surface.positions, {shift(0), shift(1)}, lag.all.besides + more};
 }
 
 // Whether a node that lies `d` off the shape where the surface leads may come nearer than `near` to the shape
@@ -179,7 +181,7 @@ void find_candidates(const Model& model, State& state, const Surface& surface, s
   const Index* points = w.point_of.data() + instrument * model.organ.surface_size();
   w.candidates.clear();
   const Whereabouts where = whereabouts(surface, w.lag, w.travel.come_at_most);
-  const double near = reach + surface_off * w.tolerance, swept = near + way_through(w, instrument);
+  const double near = reach + (1 + w.lag.all.off()) * w.tolerance, swept = near + way_through(w, instrument);
   const auto add = [&](Index node, double d, double clear) {
     if (clear > swept + lipschitz * static_cast<double>(w.softness[at(node)]) * w.travel.come_at_most) return;
     add_near(w, node);
@@ -414,7 +416,7 @@ bool add_swallowed(const Model& model, State& state, const Surface& surface) {
   const bool one_instrument_a_node = model.settings.mode == Mode::prescribed;
   // Whether all that may have come near was near for detect().
   const bool all_near = model.settings.mode == Mode::unilateral && w.travel.come <= w.travel.come_at_most;
-  w.lag = all_near ? lag_after(model, state, surface, w.lag_before, w.before, w.travel.come)
+  w.lag = all_near ? lag_after(model, state, surface, w.lag_before, w.travel.come)
                    : lag_of(model, state, surface, w.before, w.travel.come);
   state.deepest_after = 0;
   for (const ContactPoint& c : w.points)

@@ -1,7 +1,9 @@
 #include "palpate/simulation/surface.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace palpate {
 
@@ -44,8 +46,7 @@ Surface make_surface(const Organ& organ) {
   surface.clusters = std::make_shared<const Clusters>(organ.contact_points, organ.node_of_row, 32, softness);
   surface.bounds = ClusterBounds(*surface.clusters);
   surface.bounds.update(*surface.clusters, surface.positions);
-  surface.changes.assign(s, Vec3::Zero());
-  surface.change_bounds = ClusterBounds(*surface.clusters);
+  surface.changes.fill({std::vector<Vec3>(s, Vec3::Zero()), ClusterBounds(*surface.clusters)});
   return surface;
 }
 
@@ -56,6 +57,7 @@ Deformer::Deformer(const Organ& organ)
       u_(3 * organ.compliance.nodes()),
       last_(organ.surface_size()),
       last_u_(u_.size()),
+      last_moved_(organ.surface_size(), Vec3::Zero()),
       means_(organ.projection.rows(), Eigen::Vector4f::Zero()),
       drawn_(means_.size()),
       work_(2 * means_.size()) {}
@@ -91,17 +93,29 @@ void Deformer::operator()(const Organ& organ, const Loads& loads, Surface& surfa
 }
 
 void Deformer::find_changes(const Organ& organ, const Loads& loads, Surface& surface) noexcept {
-  surface.change_work = 0;
-  if (compliance_.same_numbers(organ.compliance)) {
-    for (std::size_t r = 0; r < organ.compliance.nodes(); ++r)
-      for (std::size_t a = 0; a < 3; ++a)
-        surface.changes[at(organ.node_of_row[r])][static_cast<int>(a)] =
-            static_cast<double>(u_[3 * r + a]) - static_cast<double>(last_u_[3 * r + a]);
-    surface.change_bounds.update(*surface.clusters, surface.changes);
-    surface.change_work =
-        loads.work_on(organ.node_of_row, surface.changes) - last_.work_on(organ.node_of_row, surface.changes);
-    last_.copy(loads), std::swap(last_u_, u_);
+  for (Change& change : surface.changes) change.work = 0;
+  if (!compliance_.same_numbers(organ.compliance)) return;
+  auto& [most, besides] = surface.changes;
+  const auto work_on = [&](const std::vector<Vec3>& moved) {
+    return loads.work_on(organ.node_of_row, moved) - last_.work_on(organ.node_of_row, moved);
+  };
+  for (std::size_t r = 0; r < organ.compliance.nodes(); ++r)
+    for (std::size_t a = 0; a < 3; ++a)
+      most.moved[at(organ.node_of_row[r])][static_cast<int>(a)] =
+          static_cast<double>(u_[3 * r + a]) - static_cast<double>(last_u_[3 * r + a]);
+  most.work = work_on(most.moved), besides.work = std::exchange(last_work_, most.work);
+  const double both = work_on(last_moved_);
+  besides.moved = last_moved_, last_moved_ = most.moved;
+  if (most.work < besides.work) std::swap(most, besides);
+  // No more than 1 but for rounding (Cauchy, Schwarz).
+  const double share = most.work > 0 ? std::clamp(both / most.work, -1.0, 1.0) : 0;
+  for (std::size_t i = 0; i < most.moved.size(); ++i) besides.moved[i] -= share * most.moved[i];
+  besides.work -= share * both;
+  for (Change& change : surface.changes) {
+    change.bounds.update(*surface.clusters, change.moved);
+    change.of_loads = loads.work_on(organ.node_of_row, change.moved);
   }
+  last_.copy(loads), std::swap(last_u_, u_);
 }
 
 }  // namespace palpate

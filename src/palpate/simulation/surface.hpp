@@ -2,6 +2,7 @@
 // thread's own work where there are threads, and each of them has a Deformer.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -37,6 +38,14 @@ struct Loads {
   void copy(const Loads& other) noexcept;
 };
 
+// What a change of the loads did to the contact points of the surface.
+struct Change {
+  std::vector<Vec3> moved;  // m
+  ClusterBounds bounds;     // of these
+  double work = 0;          // of the change on them, J; 0: not known, or nothing
+  double of_loads = 0;      // of the surface's loads on them, J
+};
+
 // The surface under some loads, organ frame.
 struct Surface {
   Loads loads;
@@ -45,11 +54,10 @@ struct Surface {
   std::vector<Vec3> positions;      // of the contact points, m
   Strains strains;                  // where the loads act
   ClusterBounds bounds;             // of the free ones, in `clusters`
-  // What has changed of the loads since the surface that its Deformer made before did to the contact points,
-  // m, and its work on them, J: tells where they are going. 0: not known, or nothing.
-  std::vector<Vec3> changes;
-  ClusterBounds change_bounds;
-  double change_work = 0;
+  // What has changed of the loads since the surface that its Deformer made before, and by then since the one
+  // before that: the change of more work, and what the other is besides, so that neither does work on the
+  // other. They tell where the points are going; the last alone does not where a motion has just turned back.
+  std::array<Change, 2> changes;
   std::shared_ptr<const Clusters> clusters;
 };
 
@@ -71,6 +79,8 @@ class Deformer {
   std::vector<float> forces_, u_;
   Loads last_;  // the surface's before
   std::vector<float> last_u_;
+  std::vector<Vec3> last_moved_;  // by its change
+  double last_work_ = 0;
   std::vector<Eigen::Vector4f> means_, drawn_, work_;  // for the projection onto the surface nodes
 };
 

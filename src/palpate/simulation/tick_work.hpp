@@ -15,9 +15,6 @@ constexpr std::size_t most_watched = 2048;
 
 // Of the elastic energy: what float32 may hide of (f - f0).C(f - f0).
 constexpr double hidden = 1e-6;
-// Of the tolerance: a surface is float32, and so off by less than one, what its changes lead to by less than
-// two more.
-constexpr double surface_off = 3;
 // Ticks after which a point's displacement is summed up from all forces again, rather than from what changed.
 constexpr std::uint64_t exact_every = 16;
 
@@ -58,11 +55,19 @@ struct Travel {
 };
 
 // How far a surface lags behind some loads: since it was made nodes have moved by at most their softness
-// times `drifted`, sqrt J; or, as its own last change goes on, as Travel::Way says of that. And so by the
-// last change of the loads alone.
+// times `drifted`, sqrt J; or, as its own changes go on, so much along these and besides. And so by the last
+// change of the loads alone.
 struct Lag {
   double drifted = 0;
-  Travel::Way all, last;
+  struct Way {
+    std::array<double, 2> along{};
+    double besides = 0;  // sqrt J
+    // Of the tolerance: a surface is float32, and so off by less than one, as is what changed since the one
+    // before, and what of another change is besides by less than two.
+    double off() const noexcept { return std::abs(along[0]) + 2 * std::abs(along[1]); }
+  };
+  Way all, last;
+  std::array<double, 2> on_changes{};  // what the loads do where the surface's changes lead, J
 };
 
 struct StepScratch {
@@ -234,9 +239,8 @@ double drift(const Model& model, const State& state, const Surface& surface);
 // Of the surface behind state.loads. earlier: the loads before these; come: how far these have come since,
 // sqrt J.
 Lag lag_of(const Model& model, const State& state, const Surface& surface, const Loads& earlier, double come);
-// The same after one more change, from `lag` behind `earlier`.
-Lag lag_after(const Model& model, const State& state, const Surface& surface, const Lag& lag,
-              const Loads& earlier, double come);
+// The same after one more change of the loads.
+Lag lag_after(const Model& model, const State& state, const Surface& surface, const Lag& lag, double come);
 // After a solve, whose loads are spread: what changed of them adds to what any node may have moved.
 // whole: a tick's first, that the solver alone made.
 void travel(const Model& model, State& state, bool whole);

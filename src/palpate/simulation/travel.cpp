@@ -5,8 +5,9 @@
 // of the one before, times a factor: df_n = a df_(n-1) + e, a by least squares in the energy. A node that
 // df_(n-1) moved by v (one more product with its row, when it is placed) is moved by a v, and what is off
 // from that is no more than sqrt(lambda(C_ii)) sqrt(e.C e), and so on from change to change. The same of all
-// nodes at once: a surface knows what changed from the one before (u1 = C df1), so what changed since, of
-// which df.C df1 = df.u1 needs no product, is a part of that and a rest.
+// nodes at once: a surface knows what changed from the one before (u1 = C df1), and by then from the one
+// before that, which tells where a motion goes that has just turned back. So what changed since, of which
+// df.C df1 = df.u1 needs no product, is a part of either and a rest.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -27,7 +28,7 @@ constexpr double hardly_besides = 0.2;
 // Farther on or back nothing is told from the change before.
 constexpr double most_along = 4;
 // Of a surface's changes.
-constexpr double most_on = 2;
+constexpr double most_on = 16;
 // Of the tolerance: where a node was is said to rounding (place_about()).
 constexpr double rounded_off = 0.01;
 
@@ -63,24 +64,35 @@ double drift(const Model& model, State& state, const Loads& then) {
 
 namespace {
 
-// A change of the loads by `come`, sqrt J, by least squares in the energy as a share of the surface's last.
-// on_changes: the work of what changed on the surface's changes; rounding: of such works, J.
-Travel::Way against(const Surface& surface, double on_changes, double come, double rounding) {
-  if (!surface.loads.u_known || !(surface.change_work > 0)) return {0, come};
-  const double along = std::clamp(on_changes / surface.change_work, -most_on, most_on);
-  const double rest = come * come + along * (along * surface.change_work - 2 * on_changes);
-  const double besides =
-      std::sqrt(std::max(0.0, rest) + (1 + std::abs(along)) * (1 + std::abs(along)) * rounding);
-  return besides < come ? Travel::Way{along, besides} : Travel::Way{0, come};
+using OnChanges = std::array<double, 2>;
+
+OnChanges on_changes(const Model& model, const Surface& surface, const Loads& loads) {
+  const std::vector<Index>& nodes = model.organ.node_of_row;
+  return {loads.work_on(nodes, surface.changes[0].moved), loads.work_on(nodes, surface.changes[1].moved)};
 }
 
-// The last change alone.
-Travel::Way last_against(const Model& model, const State& state, const Surface& surface, const Loads& earlier,
-                         double come) {
-  const std::vector<Index>& nodes = model.organ.node_of_row;
-  return against(surface,
-                 state.loads.work_on(nodes, surface.changes) - earlier.work_on(nodes, surface.changes), come,
-                 hidden_change * come * come + hidden_beneath * std::abs(state.loads.work()));
+// A change of the loads by `come`, sqrt J, by least squares in the energy as shares of the surface's own.
+// now, then: the work of the loads after and before it on these; rounding: of such works, J, more as more of
+// them is taken.
+Lag::Way against(const Surface& surface, const OnChanges& now, const OnChanges& then, double come,
+                 double rounding) {
+  Lag::Way way{{0, 0}, come};
+  if (!surface.loads.u_known) return way;
+  double rest = come * come, parts = 1;
+  for (std::size_t k = 0; k < way.along.size(); ++k) {
+    const double work = surface.changes[k].work;
+    if (!(work > 0)) continue;
+    const double on = now[k] - then[k];
+    const double along = way.along[k] = std::clamp(on / work, -most_on, most_on);
+    rest += along * (along * work - 2 * on), parts += std::abs(along);
+  }
+  way.besides = std::sqrt(std::max(0.0, rest) + parts * rounding);
+  return way.besides < come ? way : Lag::Way{{0, 0}, come};
+}
+
+// Of the last change alone: what hides in it, J.
+double hidden_in(const State& state, double come) {
+  return hidden_change * come * come + hidden_beneath * std::abs(state.loads.work());
 }
 
 }  // namespace
@@ -97,20 +109,22 @@ double drift(const Model& model, const State& state, const Surface& surface) {
 
 Lag lag_of(const Model& model, const State& state, const Surface& surface, const Loads& earlier,
            double come) {
-  const std::vector<Index>& nodes = model.organ.node_of_row;
   const double drifted = drift(model, state, surface);
-  const double on_changes =
-      state.loads.work_on(nodes, surface.changes) - surface.loads.work_on(nodes, surface.changes);
+  const OnChanges now = on_changes(model, surface, state.loads);
   return {drifted,
-          against(surface, on_changes, drifted,
+          against(surface, now, {surface.changes[0].of_loads, surface.changes[1].of_loads}, drifted,
                   hidden * (std::abs(state.loads.work()) + std::abs(surface.loads.work()))),
-          last_against(model, state, surface, earlier, come)};
+          against(surface, now, on_changes(model, surface, earlier), come, hidden_in(state, come)), now};
 }
 
-Lag lag_after(const Model& model, const State& state, const Surface& surface, const Lag& lag,
-              const Loads& earlier, double come) {
-  const Travel::Way last = last_against(model, state, surface, earlier, come);
-  return {lag.drifted + come, {lag.all.along + last.along, lag.all.besides + last.besides}, last};
+Lag lag_after(const Model& model, const State& state, const Surface& surface, const Lag& lag, double come) {
+  const OnChanges now = on_changes(model, surface, state.loads);
+  const Lag::Way last = against(surface, now, lag.on_changes, come, hidden_in(state, come));
+  const auto& [a, b] = lag.all.along;
+  return {lag.drifted + come,
+          {{a + last.along[0], b + last.along[1]}, lag.all.besides + last.besides},
+          last,
+          now};
 }
 
 void travel(const Model& model, State& state, bool whole) {
@@ -174,11 +188,14 @@ Expected expected(const StepScratch& w, Index node) {
 Expected expected(const StepScratch& w, const Surface& surface, Index node) {
   const Expected there = expected(w, node);
   const auto softness = static_cast<double>(w.softness[at(node)]);
-  const double off = softness * w.lag.all.besides + surface_off * w.tolerance;
+  const double off = softness * w.lag.all.besides + (1 + w.lag.all.off()) * w.tolerance;
   if (!surface.loads.u_known || off >= there.off) return there;
-  const Vec3& change = surface.changes[at(node)];
-  return {surface.reading[at(node)].cast<double>() + w.lag.all.along * change, w.lag.last.along * change, off,
-          softness * w.lag.last.besides + surface_off * w.tolerance};
+  const auto along = [&](const Lag::Way& way) {
+    return Vec3(way.along[0] * surface.changes[0].moved[at(node)] +
+                way.along[1] * surface.changes[1].moved[at(node)]);
+  };
+  return {surface.reading[at(node)].cast<double>() + along(w.lag.all), along(w.lag.last), off,
+          softness * w.lag.last.besides + w.lag.last.off() * w.tolerance};
 }
 
 double come_at_most(const StepScratch& w, Index node, const Expected& there) {
