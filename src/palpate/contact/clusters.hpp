@@ -67,7 +67,7 @@ struct ClusterBounds {
 };
 
 // Where nodes are about: at `positions` and from there `along` each of the changes, but for up to their
-// softness times `drift`.
+// softness times `drift`. What is not gone along need be no number.
 struct Whereabouts {
   struct Shift {
     const ClusterBounds& bounds;
@@ -87,17 +87,18 @@ struct Whereabouts {
     return p;
   }
   Ball of_cluster(std::size_t c) const noexcept {
-    return moved(bounds.clusters[c], shifts[0].bounds.clusters[c], shifts[1].bounds.clusters[c]);
+    return moved(bounds.clusters[c], &ClusterBounds::clusters, c);
   }
-  Ball of_group(std::size_t g) const noexcept {
-    return moved(bounds.groups[g], shifts[0].bounds.groups[g], shifts[1].bounds.groups[g]);
-  }
+  Ball of_group(std::size_t g) const noexcept { return moved(bounds.groups[g], &ClusterBounds::groups, g); }
 
  private:
-  Ball moved(const Ball& ball, const Ball& first, const Ball& second) const noexcept {
-    const double a = shifts[0].along, b = shifts[1].along;
-    return {ball.center + a * first.center + b * second.center,
-            ball.radius + std::abs(a) * first.radius + std::abs(b) * second.radius};
+  Ball moved(Ball ball, std::vector<Ball> ClusterBounds::*balls, std::size_t k) const noexcept {
+    for (const Shift& shift : shifts) {
+      if (shift.along == 0) continue;
+      const Ball& change = (shift.bounds.*balls)[k];
+      ball.center += shift.along * change.center, ball.radius += std::abs(shift.along) * change.radius;
+    }
+    return ball;
   }
 };
 

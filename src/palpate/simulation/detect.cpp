@@ -3,7 +3,7 @@
 // the work of a Deformer, which may be another thread's and lag behind. Detection starts from the surface it
 // is given, made under forces f0 of some earlier tick, and bounds how far a node can have moved since: with C
 // symmetric positive definite, |u_i(f) - u_i(f0)| <= sqrt(lambda(C_ii)) sqrt((f - f0).C(f - f0)) (Cauchy,
-// Schwarz). The surface's own last change tells most of how it went on, and for f the rest is taken
+// Schwarz). The surface's own last changes tell most of how it went on, and for f the rest is taken
 // (travel.cpp). What may be near by that bound, and where it was last placed does not tell enough of where it
 // is now, is placed exactly, by rows of C, summed in an order that does not depend on the bound. So
 // a tick's cost follows the number of contacts, and its bits do not depend on the surface's age.

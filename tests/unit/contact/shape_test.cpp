@@ -114,5 +114,21 @@ TEST(Clusters, LookWhereNodesAreAbout) {
   }
 }
 
+// A surface after one whose forces were no numbers has changed by none: nodes are looked at where they are.
+TEST(Clusters, ChangesThatAreNoNumbersHideNoNode) {
+  const std::vector<Vec3> points{Vec3(0.01, 0, 0), Vec3(0.02, 0, 0), Vec3(0.5, 0, 0)};
+  const std::vector<Vec3> changes(points.size(), Vec3::Constant(std::numeric_limits<double>::quiet_NaN()));
+  const Clusters clusters(points, {0, 1, 2}, 2);
+  ClusterBounds bounds(clusters), change_bounds(clusters);
+  bounds.update(clusters, points), change_bounds.update(clusters, changes);
+  const Whereabouts::Shift none{change_bounds, changes, 0};
+  const Shape ball = Sphere{0.02};
+  std::vector<Index> looked_at;
+  look_near(clusters, {bounds, points, {none, none}}, {ball, Pose{}}, 0.005,
+            [&](Index node) { looked_at.push_back(node); });
+  EXPECT_GE(std::count(looked_at.begin(), looked_at.end(), 0), 1);
+  EXPECT_GE(std::count(looked_at.begin(), looked_at.end(), 1), 1);
+}
+
 }  // namespace
 }  // namespace palpate
