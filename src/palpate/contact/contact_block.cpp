@@ -81,11 +81,9 @@ PALPATE_CLONES void dot_row(const float* row, std::size_t slots, const float* f,
 // Rows of new slots are fetched so many at a time.
 constexpr std::size_t at_once = 32;
 
-// Up to one slot in so many that was filled since is found by itself; else all slots are looked at.
+// Up to one slot in so many that was filled since is found by itself; else all slots are looked at. So many
+// may stay idle while calls bring new ones.
 constexpr std::size_t hardly_any = 8;
-
-// Slots that a call moves at most to close gaps: what that costs is spread over calls.
-constexpr int most_moves = 2;
 
 }  // namespace
 
@@ -208,12 +206,13 @@ Index ContactBlock::slot_for(std::size_t allowed) noexcept {
   return static_cast<Index>(place);
 }
 
-// The last loadable slots go, or move into the places of those that are not wanted.
-void ContactBlock::shrink(std::size_t allowed) noexcept {
-  for (int moved = 0; used_ > allowed;) {
+// The last loadable slots go, or move, so many of them, into the places of those that are not wanted. A move
+// costs what a new slot does, so calls share them.
+void ContactBlock::shrink(std::size_t allowed, int moves) noexcept {
+  while (used_ > allowed) {
     const std::size_t last = used_ - 1;
     if (wanted_[last] == calls_) {
-      if (moved++ == most_moves) return;
+      if (moves-- == 0) return;
       const auto gap = std::find_if(wanted_.begin(), wanted_.end(), [&](auto w) { return w != calls_; });
       const auto to = static_cast<std::size_t>(gap - wanted_.begin());
       slot_of_row_[static_cast<std::size_t>(row_of_slot_[to])] = -1;
@@ -365,7 +364,8 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
   fetch(compliance, {added_.data(), added});
   for (const auto& [watched, slot] : std::span(taken_).first(taken))
     take_watched(compliance, static_cast<std::size_t>(watched), static_cast<std::size_t>(slot));
-  shrink(allowed);
+  const bool may_wait = added + taken > 0 && used_ <= allowed + allowed / hardly_any;
+  shrink(allowed, may_wait ? 0 : 1);
 }
 
 }  // namespace palpate
