@@ -129,18 +129,22 @@ void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
   c->add_option("--steps", o.steps, "stop after so many steps (default: to the end of the motion)");
   c->add_option("--every", o.every, "steps between frames; 0: no frames")->capture_default_str();
   c->add_flag("!--no-pictures", o.pictures, "no contact sheet");
-  c->add_flag(
+  CLI::Option* const loop = c->add_flag(
       "--loop", o.loop,
       "in real time: a force loop and the deforming surface, each in a thread; prints how long ticks take "
       "and leaves that in summary.json");
   c->add_option("--rate", o.rate, "with --loop: ticks a second, 1 to 4000; 0: as fast as they go")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs(loop);
   c->add_flag("--awake", o.awake,
-              "with --loop: never sleep between ticks; they are done sooner, and a core is taken");
+              "with --loop: never sleep between ticks; they are done sooner, and a core is taken")
+      ->needs(loop);
   c->add_option("--frame-rate", o.frame_rate, "with --loop: surfaces a second, 1 to 1000")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs(loop);
   c->add_option("--ticks", o.ticks,
-                "with --loop: how many; the motion goes to and fro (default: as long as the motion)");
+                "with --loop: how many; the motion goes to and fro (default: as long as the motion)")
+      ->needs(loop);
   c->add_option("--device", o.device,
                 "with --loop: a haptic device leads the first instrument and feels its force: haply, "
                 "loopback:FILE.csv, replay:FILE.csv (docs/haptics.md)");
