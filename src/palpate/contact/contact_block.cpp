@@ -81,9 +81,11 @@ PALPATE_CLONES void dot_row(const float* row, std::size_t slots, const float* f,
 // Rows of new slots are fetched so many at a time.
 constexpr std::size_t at_once = 32;
 
-// Up to one slot in so many that was filled since is found by itself; else all slots are looked at. So many
-// may stay idle while calls bring new ones.
+// Up to one slot in so many that was filled since is found by itself; else all slots are looked at.
 constexpr std::size_t hardly_any = 8;
+
+// One slot in so many may stay idle while calls bring new rows.
+constexpr std::size_t few_idle = 8;
 
 }  // namespace
 
@@ -206,13 +208,13 @@ Index ContactBlock::slot_for(std::size_t allowed) noexcept {
   return static_cast<Index>(place);
 }
 
-// The last loadable slots go, or move, so many of them, into the places of those that are not wanted. A move
-// costs what a new slot does, so calls share them.
-void ContactBlock::shrink(std::size_t allowed, int moves) noexcept {
+// The last loadable slots go while they are not wanted; one that is may move into the place of one that is
+// not. That costs what a new slot does, so a call does it once.
+void ContactBlock::shrink(std::size_t allowed, bool may_move) noexcept {
   while (used_ > allowed) {
     const std::size_t last = used_ - 1;
     if (wanted_[last] == calls_) {
-      if (moves-- == 0) return;
+      if (!std::exchange(may_move, false)) return;
       const auto gap = std::find_if(wanted_.begin(), wanted_.end(), [&](auto w) { return w != calls_; });
       const auto to = static_cast<std::size_t>(gap - wanted_.begin());
       slot_of_row_[static_cast<std::size_t>(row_of_slot_[to])] = -1;
@@ -364,8 +366,7 @@ void ContactBlock::require(const Compliance& compliance, std::span<const Index> 
   fetch(compliance, {added_.data(), added});
   for (const auto& [watched, slot] : std::span(taken_).first(taken))
     take_watched(compliance, static_cast<std::size_t>(watched), static_cast<std::size_t>(slot));
-  const bool may_wait = added + taken > 0 && used_ <= allowed + allowed / hardly_any;
-  shrink(allowed, may_wait ? 0 : 1);
+  shrink(allowed, added + taken == 0 || used_ > allowed + allowed / few_idle);
 }
 
 }  // namespace palpate

@@ -114,7 +114,7 @@ class ContactBlock {
   std::size_t find_filled_since(std::uint64_t fills) noexcept;
   void update_watched(const Compliance& compliance, std::size_t watched) noexcept;
   void take_watched(const Compliance& compliance, std::size_t watched, std::size_t slot) noexcept;
-  void shrink(std::size_t allowed, int moves) noexcept;
+  void shrink(std::size_t allowed, bool may_move) noexcept;
   void mirror(std::size_t slot, std::size_t rows) noexcept;
   void row_is_made(std::size_t slot) noexcept;
   void move_slot(std::size_t from, std::size_t to) noexcept;
