@@ -147,7 +147,8 @@ void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
       ->needs(loop);
   c->add_option("--device", o.device,
                 "with --loop: a haptic device leads the first instrument and feels its force: haply, "
-                "loopback:FILE.csv, replay:FILE.csv (docs/haptics.md)");
+                "loopback:FILE.csv, replay:FILE.csv (docs/haptics.md)")
+      ->needs(loop);
   c->add_option("--device-at", o.device_at, "x y z: where the device's frame stands in the world, m")
       ->expected(3);
   c->add_option("--record", o.record, "write every tick's input and a hash of every 1,000th state (.h5)");

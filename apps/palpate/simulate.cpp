@@ -148,8 +148,6 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
                          scene.models.size() > 1 ? fmt::format(" of {} organs", scene.models.size()) : "",
                          instruments, scene.steps, human_time(scene.dt)),
              timer.seconds(), bytes);
-  if (!options.loop && !options.device.empty())
-    throw Error(ErrorKind::usage, "--device {}: say --loop, too; a hand needs real time", options.device);
   Recording replay, record;
   if (!options.replay.empty()) {
     replay = Recording::read(options.replay);
