@@ -145,12 +145,14 @@ void add_simulate(CLI::App& app, SimulateOptions& o, const Console& console) {
   c->add_option("--ticks", o.ticks,
                 "with --loop: how many; the motion goes to and fro (default: as long as the motion)")
       ->needs(loop);
-  c->add_option("--device", o.device,
-                "with --loop: a haptic device leads the first instrument and feels its force: haply, "
-                "loopback:FILE.csv, replay:FILE.csv (docs/haptics.md)")
-      ->needs(loop);
+  CLI::Option* const device =
+      c->add_option("--device", o.device,
+                    "with --loop: a haptic device leads the first instrument and feels its force: haply, "
+                    "loopback:FILE.csv, replay:FILE.csv (docs/haptics.md)");
+  device->needs(loop);
   c->add_option("--device-at", o.device_at, "x y z: where the device's frame stands in the world, m")
-      ->expected(3);
+      ->expected(3)
+      ->needs(device);
   c->add_option("--record", o.record, "write every tick's input and a hash of every 1,000th state (.h5)");
   c->add_option("--replay", o.replay,
                 "run a recording instead of the motion and compare the states bit by bit");

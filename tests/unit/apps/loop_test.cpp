@@ -189,9 +189,10 @@ TEST_F(LoopOfProgram, SaysWhatDiffersAndWhatItCannotDo) {
   EXPECT_NE(other.exit_code, 0);
   EXPECT_NE(other.output.find("the state after tick 999 is not the one recorded"), std::string::npos)
       << other.output;
-  for (const char* options : {"--device haply", "--loop --device mouse", "--loop --rate 5000",
-                              "--loop --frame-rate 0", "--replay none.h5", "--loop --rate 0 --device haply",
-                              "--awake", "--rate 500", "--frame-rate 60", "--ticks 10"}) {
+  for (const char* options :
+       {"--device haply", "--loop --device mouse", "--loop --rate 5000", "--loop --frame-rate 0",
+        "--replay none.h5", "--loop --rate 0 --device haply", "--awake", "--rate 500", "--frame-rate 60",
+        "--ticks 10", "--loop --device-at 0 0 0"}) {
     const Ran run = (*this)(options);
     EXPECT_NE(run.exit_code, 0) << options;
     EXPECT_NE(run.output.find("palpate: "), std::string::npos) << run.output;
