@@ -28,7 +28,7 @@ struct Hand {
     DeviceSample sample = device->read();
     sample.pose.translation += at;
     connected += sample.connected;
-    place(inputs, 0, couple(settings, coupling, sample, wrench_of(states, 0), dt));
+    place(inputs, 0, couple(settings, coupling, sample, wrench_of(states, 0), dt, is_taken(states)));
     grip(inputs, 0, sample.buttons != 0);
   }
   void feel(std::span<const State> states) noexcept {
@@ -77,7 +77,7 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   const double dt = tick_of(scene, options);
   const double begin = scene.motion.motion.times.front(), length = scene.motion.motion.times.back() - begin;
   settings.ticks = ticks_of(scene, options, replay);
-  settings.idle_ticks = std::min<std::uint64_t>(settings.ticks, 10000);
+  settings.idle_ticks = std::min(settings.ticks, std::max<std::uint64_t>(settings.ticks / 10, 10000));
   std::error_code failure;
   std::filesystem::create_directories(options.output, failure);
   AtomicFile file(options.output / "summary.json");  // opened first: a wrong path is no news after the run

@@ -113,7 +113,7 @@ void Driver::lead_by_hand(std::span<const State> before, std::span<Input> inputs
       dt = 10;
       break;
   }
-  place(inputs, 0, couple(settings_, coupling_, sample, wrench_of(before, 0), dt));
+  place(inputs, 0, couple(settings_, coupling_, sample, wrench_of(before, 0), dt, is_taken(before)));
   grip(inputs, 0, sample.buttons != 0);
 }
 
@@ -123,7 +123,7 @@ void Driver::add_fault(std::span<Input> inputs) {
   Input& input = inputs[organ];
   Pose& pose = input.instruments[random_.below(input.instruments.size())];
   const std::size_t fault = random_.below(9);
-  before_[organ].must_refuse = fault < 7;
+  before_[organ].must_refuse |= fault < 7;
   switch (fault) {
     case 0:
       pose.translation[0] = nan;
@@ -183,6 +183,9 @@ bool Driver::lead(std::uint64_t k, std::span<const State> before, std::span<Inpu
   if (away_) return true;
   if (device_) lead_by_hand(before, inputs);
   if (random_.once_in(40)) add_fault(inputs);
+  if (refuse_ == 0 && random_.once_in(300)) refuse_ = 1 + static_cast<int>(random_.below(150));
+  refused_for_ = refuse_ > 0 ? refused_for_ + 1 : 0;
+  if (refuse_ > 0) --refuse_, inputs[0].organ.translation[1] = nan, before_[0].must_refuse = true;
   return true;
 }
 
@@ -204,9 +207,10 @@ void Driver::check_hand(std::uint64_t k, std::span<const State> states) {
   if (hand.force.norm() > settings_.force_limit * (1 + 1e-9) ||
       hand.torque.norm() > settings_.torque_limit * (1 + 1e-9))
     complain(k, fmt::format("the hand feels {} N, {} N m", hand.force.norm(), hand.torque.norm()));
-  if (lost_for_ > 60 && hand.force.norm() > 0)
-    complain(k, fmt::format("the device is lost for {} ticks, and the hand feels {} N", lost_for_,
-                            hand.force.norm()));
+  if (std::max(lost_for_, refused_for_) > 60 && hand.force.norm() > 0)
+    complain(
+        k, fmt::format("the device is lost for {} ticks, inputs are refused for {}, and the hand feels {} N",
+                       lost_for_, refused_for_, hand.force.norm()));
   device_->write(hand);
   watchdog_.tick(clock_ += 1e-3);
   watchdog_.scale(clock_);

@@ -58,8 +58,9 @@ class Driver {
   CouplingSettings settings_;
   CouplingState coupling_;
   Watchdog watchdog_;
-  double clock_ = 0;             // s
-  int lost_for_ = 0, lose_ = 0;  // ticks
+  double clock_ = 0;  // s
+  // Ticks without a device, and with an input of the first organ that no step takes.
+  int lost_for_ = 0, lose_ = 0, refused_for_ = 0, refuse_ = 0;
   Met met_;
   std::string complaint_;
   std::atomic<bool> bad_surface_{false};

@@ -86,9 +86,9 @@ void check(const CouplingSettings& s) {
 }
 
 Pose couple(const CouplingSettings& s, CouplingState& state, const DeviceSample& sample,
-            const Wrench& contact, double dt) noexcept {
+            const Wrench& contact, double dt, bool taken) noexcept {
   if (!(dt > 0)) return state.instrument;
-  const bool lost = !sample.connected || !good(sample.pose);
+  const bool lost = !sample.connected || !good(sample.pose) || !taken;
   const double counted = std::min(dt, s.tick);
   state.gain = std::clamp(state.gain + (lost ? -dt : counted) / s.ramp, 0.0, 1.0);
   if (lost) return state.instrument;

@@ -67,9 +67,11 @@ struct CouplingState {
 
 // One tick: where the instrument goes. contact: on the instrument, about its origin, as the last step found
 // it. dt: s since the last tick; zero, negative or NaN moves nothing. Without a device, or with a sample that
-// is not finite, the instrument stays and the gain falls. Never throws, allocates or locks.
+// is not finite, the instrument stays and the gain falls; so they do where the last step did not take its
+// input (`taken`, see is_taken in organs.hpp), as the contact is then one of long ago. Never throws,
+// allocates or locks.
 Pose couple(const CouplingSettings& settings, CouplingState& state, const DeviceSample& sample,
-            const Wrench& contact, double dt) noexcept;
+            const Wrench& contact, double dt, bool taken = true) noexcept;
 
 // What the hand feels: the contact's wrench at the instrument's new pose, cut to the limits with its
 // direction kept, times the gain. Zero for what is not finite.

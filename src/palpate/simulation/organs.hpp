@@ -33,6 +33,14 @@ inline void step(std::span<const Model> models, std::span<State> states,
                  std::span<const Input> inputs) noexcept {
   for (std::size_t i = 0; i < models.size(); ++i) step(models[i], states[i], inputs[i]);
 }
+// Whether the last tick took its input, of each organ: no status bad_input, which keeps the wrenches of a
+// tick before.
+template <class Outcomes>
+bool is_taken(const Outcomes& organs) noexcept {
+  for (const Outcome& organ : organs)
+    if (organ.status & bad_input) return false;
+  return true;
+}
 // What an instrument feels of all organs; of their states, or of their frames (frame.hpp).
 template <class Outcomes>
 Wrench wrench_of(const Outcomes& organs, std::size_t instrument) noexcept {

@@ -218,6 +218,33 @@ TEST(Coupling, DeepHandlePressesWithTheLimit) {
   EXPECT_NEAR(loop.contact.force.z(), loop.settings.force_limit, 0.01);
 }
 
+// A pose that is no number, of the organ say, keeps the force of the tick before; the hand does not feel it
+// for ever.
+TEST(Coupling, AnOldForceFades) {
+  ForceLoop loop(block_model(8, Sphere{0.02}));
+  HeldDevice device;
+  device.sample.pose = at_height(0.115);
+  for (int i = 0; i < 200; ++i) loop.tick(device);
+  const double pressed = device.felt.force.z();
+  EXPECT_GT(pressed, 0.1);
+  const Vec3 there = loop.coupling.instrument.translation;
+  loop.input.organ.translation.x() = nan;
+  double last = pressed;
+  for (int i = 0; i < 60; ++i) {  // the first tick does not know yet
+    device.sample.pose = at_height(0.115 + 1e-3 * i);
+    loop.tick(device);
+    EXPECT_LE(device.felt.force.z(), last);
+    EXPECT_GE(device.felt.force.z(), last - pressed / 45);
+    last = device.felt.force.z();
+  }
+  EXPECT_EQ(last, 0);
+  EXPECT_LT((loop.coupling.instrument.translation - there).norm(), 2e-3);
+  loop.input.organ.translation.x() = 0;
+  device.sample.pose = at_height(0.115);
+  for (int i = 0; i < 200; ++i) loop.tick(device);
+  EXPECT_NEAR(device.felt.force.z(), pressed, 1e-3 * pressed);
+}
+
 TEST(Coupling, BadSamplesAndTimes) {
   WallLoop loop({2000, 0});
   loop.sample.pose = at_height(-0.003);

@@ -14,7 +14,8 @@ struct ForceLoop {
   // Reads and couples.
   void lead(HapticDevice& device, double dt = 1e-3) noexcept {
     sample = device.read();
-    input.instruments[0] = couple(settings, coupling, sample, state.wrenches[0], dt);
+    input.instruments[0] =
+        couple(settings, coupling, sample, state.wrenches[0], dt, !(state.status & bad_input));
     input.grips[0] = sample.buttons != 0;
   }
   // Writes; returns what the hand felt.
