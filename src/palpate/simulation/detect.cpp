@@ -63,6 +63,7 @@ void place(const Model& model, State& state) {
     }
     if (moved > largest_motion * w.size) {
       last_squared = std::numeric_limits<double>::infinity(), sweep.ways.fill(Vec3::Zero());
+      state.status |= jumped;
       continue;
     }
     sweep.last = state.placed[i].inverse(), sweep.known = true, sweep.way = moved;

@@ -40,7 +40,8 @@ void stay_awake_until(double time) noexcept {
   }
 }
 
-// When ticks are due. A loop that has fallen behind by more than `most_behind` ticks starts its count anew.
+// When ticks are due. A loop that has fallen behind by more than `most_behind` ticks starts its count anew:
+// those between are left out, and missed.
 class Pace {
  public:
   Pace(double rate, bool awake) noexcept : period_(rate > 0 ? 1 / rate : 0), awake_(awake), due_(now()) {}
@@ -53,15 +54,15 @@ class Pace {
     due_ += period_;
     const double late = now() - due_;
     if (late > most_behind * period_)
-      due_ += late;
+      due_ += late, left_out_ += static_cast<std::uint64_t>(late / period_);
     else if (late < 0)
       awake_ ? stay_awake_until(due_) : sleep_until(due_);
   }
-  void done(LoopTimes& times, double cpu) const noexcept {
+  void done(LoopTimes& times, double cpu) noexcept {
     const double wall = now() - due_;
     times.wall.add(wall);
     times.cpu.add(cpu);
-    if (period_ > 0 && wall > period_) ++times.missed;
+    times.missed += std::exchange(left_out_, 0) + (period_ > 0 && wall > period_);
   }
 
  private:
@@ -69,6 +70,7 @@ class Pace {
   double period_;  // s
   bool awake_;
   double due_;  // s
+  std::uint64_t left_out_ = 0;
 };
 
 bool go_first() noexcept {
@@ -190,6 +192,7 @@ void tick_until_over(std::span<const Model> models, std::span<State> states, con
     report.too_many_contacts += (status & too_many_contacts) != 0;
     report.bad_input += (status & bad_input) != 0;
     report.anchor_touched += (status & anchor_touched) != 0;
+    report.jumped += (status & jumped) != 0;
     report.contacts_max = std::max(report.contacts_max, contacts);
     for (std::size_t i = 0; !states.empty() && i < states[0].wrenches.size(); ++i)
       report.peak_force = std::max(report.peak_force, wrench_of(states, i).force.norm());
@@ -279,9 +282,11 @@ std::string loop_table(const LoopReport& r) {
   out += row("tick, CPU time", r.ticks.cpu, "");
   out += row("tick, due to done", r.ticks.wall,
              fmt::format("   {} of {} after the next was due", r.ticks.missed, r.ticks.wall.count()));
-  if (r.idle.wall.count() > 0)
+  if (r.idle.wall.count() > 0) {
+    out += row("empty tick, CPU time", r.idle.cpu, "");
     out += row("empty tick, due to done", r.idle.wall,
                fmt::format("   {} of {}: the machine's own", r.idle.missed, r.idle.wall.count()));
+  }
   if (r.frames > 0)
     out += row("surface", r.surface,
                fmt::format("   {:.0f} a second", static_cast<double>(r.frames) / r.seconds));
@@ -325,6 +330,7 @@ std::string loop_json(const LoopReport& r) {
                                 {"too_many_contacts", r.too_many_contacts},
                                 {"bad_input", r.bad_input},
                                 {"anchor_touched", r.anchor_touched},
+                                {"jumped", r.jumped},
                                 {"largest_strain", r.largest_strain},
                                 {"frames_beyond_linear", r.beyond_linear},
                                 {"awake", r.awake},

@@ -54,15 +54,16 @@ struct OrgansHooks {
 };
 
 struct LoopTimes {
-  Histogram wall;            // s, from when the tick was due to its end: what a device sees
-  Histogram cpu;             // s, CPU time of its thread
-  std::uint64_t missed = 0;  // ticks that ended after the next was due
+  Histogram wall;  // s, from when the tick was due to its end: what a device sees
+  Histogram cpu;   // s, CPU time of its thread
+  // Ticks that ended after the next was due, and those left out where the loop was more than 100 behind.
+  std::uint64_t missed = 0;
 };
 struct LoopReport {
   LoopTimes ticks, idle;
   std::uint64_t frames = 0, contacts_max = 0;  // the latter: in a tick, of all organs
   // Ticks with such a status, of any organ.
-  std::uint64_t not_converged = 0, too_many_contacts = 0, bad_input = 0, anchor_touched = 0;
+  std::uint64_t not_converged = 0, too_many_contacts = 0, bad_input = 0, anchor_touched = 0, jumped = 0;
   double peak_force = 0;            // N, on an instrument, of all organs together
   double largest_strain = 0;        // of the surfaces made
   std::uint64_t beyond_linear = 0;  // surfaces strained by more than linear_strain

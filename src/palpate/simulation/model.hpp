@@ -21,7 +21,7 @@ struct Instrument {
 };
 
 enum class Mode : std::uint8_t {
-  unilateral,  // gap >= 0, pressure >= 0, gap * pressure = 0; frictionless (default)
+  unilateral,  // gap >= 0, pressure >= 0, gap * pressure = 0; and Coulomb friction (default)
   prescribed,  // the thesis: touched nodes are moved onto the instrument's surface; may pull (T 4.3.2)
   gaussian,    // no collision: a bell of force about the instrument's origin, along its -z (T fig. 6.3)
   imprint      // no elasticity: touched nodes are moved onto the surface and stay (T fig. 6.4)
@@ -63,7 +63,9 @@ enum StatusBits : std::uint32_t {
                   // skipped, the state kept
   anchor_touched =
       8,  // an instrument reaches into anchored nodes, which cannot give way; no force comes from there
-  strain_beyond_linear = 16  // a warning of deform(): the surface is strained by more than linear_strain
+  strain_beyond_linear = 16,  // a warning of deform(): the surface is strained by more than linear_strain
+  jumped = 32  // an instrument moved by more than largest_motion and was put there: what lay on its way was
+               // not touched
 };
 
 struct Contact {

@@ -42,7 +42,10 @@ void gaussian(const Model& model, State& state) {
       loads.forces[at(place)] += force;
       const Vec3 point = state.organ * organ.contact_points[at(node)];  // at rest: where it goes is not known
       wrench.torque -= (point - state.instruments[i].translation).cross(state.organ.rotation * force);
-      if (state.contacts.size() == state.contacts.capacity()) continue;
+      if (state.contacts.size() == state.contacts.capacity()) {
+        state.status |= too_many_contacts;
+        continue;
+      }
       Contact c;
       c.node = node, c.instrument = static_cast<Index>(i);
       c.force_in_organ = force, c.force = state.organ.rotation * force;
@@ -66,7 +69,10 @@ void imprint(const Model& model, State& state) {
                  p = project_to_surface(w.shapes[i], p, 0.1 * w.tolerance);
                  surface.displacement[n] = surface.reading[n] =
                      (p - model.organ.contact_points[n]).cast<float>();
-                 if (state.contacts.size() == state.contacts.capacity()) return;
+                 if (state.contacts.size() == state.contacts.capacity()) {
+                   state.status |= too_many_contacts;
+                   return;
+                 }
                  Contact c;
                  c.node = node, c.instrument = static_cast<Index>(i), c.gap_before = d,
                  c.gap_after = w.shapes[i].distance(p), c.point = state.organ * p;

@@ -213,10 +213,7 @@ void solve(const Model& model, State& state, const Surface& surface) {
     take_loads(model, state);
     travel(model, state, whole && result.by_changes);
     drop_idle_places(model, state);
-    if (!result.converged && add_held_back(model, state)) {
-      if (limits.max_relinearisations <= 0) break;
-      continue;
-    }
+    if (!result.converged && limits.max_relinearisations > 0 && add_held_back(model, state)) continue;
     if (!add_swallowed(model, state, surface) && !add_places(model, state, surface)) {
       if (!result.converged || state.deepest_after > w.tolerance) state.status |= not_converged;
       return;

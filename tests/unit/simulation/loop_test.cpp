@@ -93,6 +93,22 @@ TEST(Loop, LateTicksAreCountedAndTheLoopGoesOn) {
   EXPECT_EQ(report.ticks.wall.count(), 100u);
 }
 
+// So far behind that it does not catch up: what it leaves out is missed, too.
+TEST(Loop, TicksThatAreLeftOutAreMissed) {
+  const Model model = block_model(4, Sphere{0.02});
+  State state = make_state(model);
+  LoopSettings settings;
+  settings.ticks = 20;
+  LoopHooks hooks;
+  hooks.input = [](std::uint64_t k, const State&, Input& in) {
+    if (k == 10) std::this_thread::sleep_for(std::chrono::milliseconds(250));
+    return press(k, in), true;
+  };
+  const LoopReport report = run_loop(model, state, settings, hooks);
+  EXPECT_GE(report.ticks.missed, 245u);
+  EXPECT_EQ(report.ticks.wall.count(), 20u);
+}
+
 TEST(Loop, RefusesWhatItCannotDo) {
   Model model = block_model(4, Sphere{0.02});
   State state = make_state(model);
@@ -165,6 +181,7 @@ TEST(Loop, CountsWhatItMeets) {
   EXPECT_EQ(report.too_many_contacts, full);
   EXPECT_EQ(anchored, 30u);
   EXPECT_EQ(report.anchor_touched, anchored);
+  EXPECT_EQ(report.jumped, 1u);  // from above to the base, 14 cm in a tick; the first good tick is no jump
   const std::string table = loop_table(report);
   std::istringstream rows(table.substr(table.find("ticks of up to")));
   std::string line;
@@ -213,8 +230,9 @@ TEST(Loop, ItsReportHasAllKeys) {
       EXPECT_EQ(times.at("count"), json.at("frames"));
     }
   }
-  for (const char* key : {"missed", "empty_missed", "frames", "contacts_max", "not_converged",
-                          "too_many_contacts", "bad_input", "anchor_touched", "frames_beyond_linear"})
+  for (const char* key :
+       {"missed", "empty_missed", "frames", "contacts_max", "not_converged", "too_many_contacts", "bad_input",
+        "anchor_touched", "jumped", "frames_beyond_linear"})
     EXPECT_TRUE(json.at(key).is_number_unsigned()) << key;
   for (const char* key : {"seconds", "contacts_mean", "largest_strain"})
     EXPECT_GT(json.at(key).get<double>(), 0) << key;

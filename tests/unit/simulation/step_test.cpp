@@ -324,6 +324,33 @@ TEST(Step, LimitsAreStatusesNeverSilent) {
   EXPECT_NE(state.status & anchor_touched, 0u);
 }
 
+// What is left is the deepest there is, also where the relinearisations were not enough and nodes that were
+// only near have not come to it.
+TEST(Step, WhatIsLeftIsReportedAtTheLimit) {
+  Model model = block_model(14, lattice_of(make_sphere(Vec3::Zero(), 0.03, 24, 48), 1e-3));
+  State state = make_state(model);
+  std::size_t limited = 0;
+  const auto tick_to = [&](const Vec3& p) {
+    const Input input = at(p);
+    step(model, state, input);
+    double deepest = 0;
+    for (const Index node : model.organ.node_of_row)
+      deepest =
+          std::max(deepest, -distance(model.instruments[0].shape,
+                                      input.instruments[0].inverse() * contact_point(model, state, node)));
+    EXPECT_NEAR(state.deepest_after, deepest, 1e-8) << p.transpose();
+    limited += (state.status & not_converged) != 0;
+  };
+  for (const double down : {1e-3, 2e-3, 4e-3})
+    for (const int most : {1, 2, 4}) {
+      model.settings.max_relinearisations = 100;
+      for (int k = 0; k < 20; ++k) tick_to(Vec3(0.3e-3 * k, 0.1e-3 * k, 0.12));  // nodes are held back
+      model.settings.max_relinearisations = most;
+      tick_to(Vec3(6e-3 + 0.2 * down, 2e-3, 0.12 - down));  // but not where they are foreseen
+    }
+  EXPECT_GT(limited, 5u);
+}
+
 TEST(Step, WhatCannotBeSimulatedIsRefused) {
   const Model good = block_model(2, Sphere{0.03});
   const auto message = [](const Model& model) -> std::string {
@@ -377,6 +404,23 @@ TEST(Step, GaussianForceWithoutCollision) {
     if (state.surface.displacement[i].z() < state.surface.displacement[static_cast<std::size_t>(lowest)].z())
       lowest = static_cast<Index>(i);
   EXPECT_LT((rest(model, lowest) - Vec3(0, 0, 0.1)).norm(), 0.013);  // the deepest dent is under the force
+}
+
+// Of two bells over all of the organ there is no room for each contact: the forces are whole, the status says
+// that contacts are left out.
+TEST(Step, ContactsOfGaussianForcesWithoutRoom) {
+  Model model = block_model(8, Sphere{0.01}, Mode::gaussian);
+  model.settings.gaussian_radius = 0.1, model.settings.max_contacts = 300;
+  State one = make_state(model);
+  step(model, one, at(Vec3(0, 0, 0.1)));
+  EXPECT_EQ(one.status & ~strain_beyond_linear, 0u);
+  model.instruments.push_back(model.instruments[0]);
+  State state = make_state(model);
+  Input input = at(Vec3(0, 0, 0.1));
+  input.instruments.push_back(input.instruments[0]);
+  step(model, state, input);
+  EXPECT_NE(state.status & too_many_contacts, 0u);
+  for (const Wrench& wrench : state.wrenches) EXPECT_EQ(wrench.force, one.wrenches[0].force);
 }
 
 TEST(Step, AGaussianForceFarAwayIsNone) {

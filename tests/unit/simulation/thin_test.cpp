@@ -216,8 +216,11 @@ TEST_F(Thin, AJumpIsNoMotion) {
   take(Cuboid{Vec3(5e-3, 5e-3, 0.5e-3)});
   State state = make_state(model), fresh = make_state(model);
   step(model, state, at(Vec3(0, 0, 0.04)));
+  EXPECT_EQ(state.status, status_ok);
   step(model, state, at(Vec3(0, 0, -0.2e-3)));
+  EXPECT_NE(state.status & jumped, 0u);
   step(model, fresh, at(Vec3(0, 0, -0.2e-3)));
+  EXPECT_EQ(fresh.status & jumped, 0u);
   EXPECT_EQ(state.wrenches[0].force, fresh.wrenches[0].force);
 }
 
