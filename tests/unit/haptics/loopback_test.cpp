@@ -1,8 +1,10 @@
 // The simulated hand alone, and pressing on stone for a minute.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include "loop.hpp"
 #include "motion_file.hpp"
+#include "palpate/pad/pad.hpp"
 #include "palpate/simulation/loop.hpp"
 
 namespace palpate {
@@ -70,6 +72,63 @@ TEST(Loopback, PressesOnStoneWithoutOscillation) {
       EXPECT_LT(height.size(), 1e-6);
       EXPECT_GT(tap.size(), 0.5);
     }
+}
+
+// A kidney of soft tissue with a stone in it, its back anchored, and a ball.
+Model kidney_model() {
+  TetMesh mesh = pad_delaunay(make_kidney(600), {{"stone", make_stone(150)}}).mesh;
+  std::vector<Material> materials;
+  for (const std::string& region : mesh.region_names)
+    materials.push_back(region == "stone" ? Material{1e9, 0.3, 2000} : Material{10e3, 0.45, 1000});
+  Model model;
+  model.organ = bake(std::move(mesh), std::move(materials), {AnchorHalfSpace{{0, 0, -0.016}, {0, 0, 1}}}, 0,
+                     {}, nullptr, {.order = 2, .pinch = false});
+  model.instruments.push_back({"tool", Sphere{0.01}, {}});
+  return model;
+}
+
+// A minute on a kidney, where a force along the surface's normal moves it least, which is beside the anchor,
+// and where it does most.
+TEST(Loopback, PressesOnAKidneyWithoutOscillation) {
+  const Model model = kidney_model();
+  const Organ& organ = model.organ;
+  std::vector<Vec3> normals(organ.surface_size(), Vec3::Zero());
+  for (const Triangle& t : organ.surface.triangles)
+    for (const Index i : t) normals[static_cast<std::size_t>(i)] += area_vector(organ.surface, t);
+  std::vector<std::pair<double, Index>> places;  // m/N
+  for (const Index node : organ.node_of_row) {
+    const Index row = organ.row_of[static_cast<std::size_t>(node)];
+    std::array<float, 9> c;
+    organ.compliance.block({&row, 1}, {&row, 1}, c, 3);
+    const Vec3 n = normals[static_cast<std::size_t>(node)].normalized();
+    places.push_back({n.dot(Eigen::Map<const Eigen::Matrix3f>(c.data()).cast<double>() * n), node});
+  }
+  std::sort(places.begin(), places.end());
+  for (const auto& [softness, node] : {places.front(), places.back()}) {
+    const Vec3 p = organ.contact_points[static_cast<std::size_t>(node)],
+               out = normals[static_cast<std::size_t>(node)].normalized();
+    std::string way = "time,hand.x,hand.y,hand.z\n";
+    for (const auto& [time, height] : {std::pair{0.0, 0.015}, {0.2, 0.015}, {1.0, 0.002}, {60.0, 0.002}}) {
+      const Vec3 at = p + height * out;
+      way += fmt::format("{},{},{},{}\n", time, at.x(), at.y(), at.z());
+    }
+    const MotionText file(way);
+    const auto device =
+        open_device(file.device("loopback", ",mass=0.05,stiffness=1000,damping=0.5,friction=0.1"));
+    ForceLoop loop(model);
+    loop.coupling.instrument.translation = p + 0.03 * out;
+    Swing force, height;
+    for (int i = 0; i < 60000; ++i) {
+      const double felt = loop.tick(*device).force.norm();
+      if (i > 5000) force.add(felt), height.add(loop.sample.pose.translation.dot(out));
+      ASSERT_EQ(loop.state.status & (bad_input | too_many_contacts), 0u);
+    }
+    std::cout << 1 / softness << " N/m at a node, " << force.most << " N; swings by " << force.size()
+              << " N, " << height.size() << " m\n";
+    EXPECT_GT(force.least, 0.1);
+    EXPECT_LT(force.size(), 1e-4);
+    EXPECT_LT(height.size(), 1e-6);
+  }
 }
 
 // The same for some seconds in the loop's threads, where the surface lags behind: the hand feels what it does

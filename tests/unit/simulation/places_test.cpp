@@ -4,33 +4,11 @@
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
-#include "fixtures.hpp"
 #include "palpate/simulation/recording.hpp"
+#include "places_fixture.hpp"
 
 namespace palpate {
 namespace {
-
-// 60 x 60 x 30 mm, its base fixed, 3 mm between nodes; its top at z = 0, nodes at multiples of 3 mm.
-struct Places : ::testing::Test {
-  static void SetUpTestSuite() {
-    model.organ = bake(make_block({Vec3(-0.03, -0.03, -0.03), Vec3(0.03, 0.03, 0)}, {20, 20, 10}),
-                       {{10e3, 0.45, 1000}}, {AnchorHalfSpace{Vec3(0, 0, -0.03), Vec3::UnitZ()}}, 0, {},
-                       nullptr, {.order = 1, .pinch = false});
-  }
-  static void TearDownTestSuite() { model = {}; }
-  static inline Model model;
-  static constexpr double radius = 0.5e-3, length = 20e-3;
-
-  void SetUp() override { model.settings = {}; }
-  static void take(const Shape& shape, double tip = 0) { model.instruments = {{"fine", shape, {}, tip}}; }
-  static void take_needle() { take(Capsule{radius, length}); }
-  // The needle upright, its tip at p.
-  static Input tip_at(const Vec3& p) { return at(p + Vec3(0, 0, length + radius)); }
-  static double press(State& state, const Vec3& p) {
-    step(model, state, tip_at(p));
-    return state.wrenches[0].force.z();
-  }
-};
 
 // In the middle of a face, of an edge, and beside a node: felt from a tenth of the tip's radius on at the
 // latest, and as stiff as the compliance says of a force there.
@@ -117,100 +95,6 @@ TEST_F(Places, HeldStillTheForceStays) {
     }
     press(state, Vec3(1e-3, 0.7e-3, 1e-3));
     EXPECT_TRUE(state.contacts.empty());
-  }
-}
-
-// Up to 5 mm a tick, towards the surface and along it, over faces and edges: always felt, and its force
-// changes by no more than its motion explains.
-TEST_F(Places, AFastTipIsNeverLost) {
-  take_needle();
-  State slow = make_state(model);
-  double k = 0, last = 0;
-  for (double d = 0; d <= 5e-3; d += 0.1e-3) {
-    const double force = press(slow, Vec3(1e-3, 0.7e-3, -d));
-    k = std::max(k, std::abs(force - last) / 0.1e-3), last = force;
-  }
-  for (const double along : {5e-3, 2.7e-3, 1.1e-3, 0.3e-3}) {
-    SCOPED_TRACE(along);
-    State state = make_state(model);
-    last = 0;
-    for (double z = 2.2e-3; z > -5e-3; z -= along) {
-      const double force = press(state, Vec3(1e-3, 0.7e-3, z));
-      EXPECT_LE(std::abs(force - last), 1.2 * k * along);
-      EXPECT_TRUE(force > 1e-3 || z > -0.1e-3) << force;
-      last = force;
-    }
-  }
-  for (const double friction : {0.0, 0.3})
-    for (const double along : {5e-3, 1e-3, 0.3e-3, 0.1e-3}) {
-      SCOPED_TRACE(fmt::format("friction {}, {} mm a tick", friction, 1e3 * along));
-      model.settings.friction = friction;
-      State state = make_state(model);
-      for (int i = 0; i <= 15; ++i) press(state, Vec3(-9e-3, 0.7e-3, -0.1e-3 * i));
-      last = state.wrenches[0].force.z();
-      for (double x = -9e-3; x <= 9e-3; x += along) {
-        const double force = press(state, Vec3(x, 0.7e-3, -1.5e-3));
-        EXPECT_GT(force, 0.02) << x;
-        EXPECT_FALSE(state.status & (bad_input | too_many_contacts));
-        last = force;
-      }
-    }
-}
-
-// Lying, pushed into the tissue and over it side on; upright, over it: at 1 and 5 m/s its force changes by no
-// more than its motion explains, at the stiffness that it shows when it is pressed slowly.
-TEST_F(Places, ANeedlePushedSideways) {
-  take_needle();
-  const Eigen::Quaterniond lying(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitX()));  // along y
-  const auto flat = [&](double x, double z) { return at(Vec3(x, 0.7e-3, z + radius), lying); };
-  const auto upright = [&](double x, double z) { return tip_at(Vec3(x, 0.7e-3, z)); };
-  // Steps along a way; the largest |dF / dx| but for the first.
-  const auto stiffest = [&](auto&& input, const Vec3& from, const Vec3& to, double along, double slowly) {
-    State state = make_state(model);
-    const double depth = -from.z();
-    for (int i = 0; i <= 10; ++i)
-      step(model, state, input(from.x(), depth > 0 ? -0.1 * depth * i : from.z()));
-    Vec3 last = state.wrenches[0].force;
-    double most = 0;
-    const int ticks = static_cast<int>((to - from).norm() / along + 1e-9);
-    for (int i = 1; i <= ticks; ++i) {
-      const Vec3 p = from + i * along * (to - from).normalized();
-      step(model, state, input(p.x(), p.z()));
-      most = std::max(most, (state.wrenches[0].force - last).norm() / along);
-      last = state.wrenches[0].force;
-      EXPECT_FALSE(state.status & (bad_input | too_many_contacts));
-      EXPECT_TRUE(slowly == 0 || most <= 1.2 * slowly) << most / slowly << " at " << 1e3 * p.x() << " mm";
-    }
-    EXPECT_GT(last.z(), 0.02);
-    return most;
-  };
-  const double k_lying = stiffest(flat, Vec3(1e-3, 0, 0), Vec3(1e-3, 0, -6e-3), 0.1e-3, 0);
-  const double k_upright = stiffest(upright, Vec3(1e-3, 0, 0), Vec3(1e-3, 0, -5e-3), 0.1e-3, 0);
-  for (const double along : {1e-3, 5e-3}) {
-    SCOPED_TRACE(fmt::format("{} mm a tick", 1e3 * along));
-    stiffest(flat, Vec3(1e-3, 0, 0.7 * along), Vec3(1e-3, 0, -6e-3), along, k_lying);
-    for (const double depth : {1e-3, 1.5e-3}) {
-      SCOPED_TRACE(fmt::format("{} mm deep", 1e3 * depth));
-      stiffest(flat, Vec3(-9e-3, 0, -depth), Vec3(9e-3, 0, -depth), along, k_lying);
-      stiffest(upright, Vec3(-9e-3, 0, -depth), Vec3(9e-3, 0, -depth), along, k_upright);
-    }
-  }
-}
-
-// From above the tissue into it in one tick, wholly, wherever it lies between the rows of nodes: each sample
-// of a triangle could come round it alone, but not the triangle.
-TEST_F(Places, AFastNeedleThatLies) {
-  take_needle();
-  const Eigen::Quaterniond lying(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitX()));
-  for (double x = 0; x < 3e-3; x += 0.31e-3) {
-    const auto put = [&](State& state, double z) {
-      step(model, state, at(Vec3(x, 0.7e-3, z + radius), lying));
-      return state.wrenches[0].force.z();
-    };
-    State slow = make_state(model), fast = make_state(model);
-    for (int k = 0; k <= 15; ++k) put(slow, -0.1e-3 * k);
-    put(fast, 3e-3);
-    EXPECT_NEAR(put(fast, -1.5e-3), slow.wrenches[0].force.z(), 0.03 * slow.wrenches[0].force.z()) << x;
   }
 }
 
