@@ -1,6 +1,7 @@
 // The force loop: what a tick costs its thread while another deforms the whole surface.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -32,7 +33,7 @@ LoopReport slide(const scenes::Press& press, std::size_t contacts, std::uint64_t
   depth = depth_of(press, state, contacts + contacts / 30);  // some come and go
   LoopSettings settings;
   settings.ticks = ticks, settings.frame_rate = frame_rate, settings.awake = awake;
-  settings.idle_ticks = std::min<std::uint64_t>(ticks, 10000);
+  settings.idle_ticks = std::max<std::uint64_t>(ticks / 10, 10000);
   LoopHooks hooks;
   hooks.input = [&](std::uint64_t k, const State&, Input& input) {
     input.instruments[0] = press.at(depth, 2e-3 * std::sin(0.05 * static_cast<double>(k)));
@@ -66,11 +67,14 @@ std::vector<Value> frames(int nodes, std::size_t contacts) {
   double depth = 0;
   const LoopReport r = slide(press, contacts, 10000, 240, false, depth);
   return {{static_cast<double>(r.frames) / r.seconds, "", no_peer,
-           fmt::format("{:.0f} contacts, a surface in {:.3g} ms, beside 1,000 ticks a second of {:.3g} ms",
-                       r.contacts_mean, 1e3 * r.surface.percentile(0.5), 1e3 * r.ticks.cpu.percentile(0.5))}};
+           fmt::format("{:.0f} contacts, a surface in {:.3g} ms, beside {:.0f} ticks a second of {:.3g} ms, "
+                       "{} of {} missed",
+                       r.contacts_mean, 1e3 * r.surface.percentile(0.5),
+                       static_cast<double>(r.ticks.cpu.count()) / r.seconds,
+                       1e3 * r.ticks.cpu.percentile(0.5), r.ticks.missed, r.ticks.cpu.count())}};
 }
 
-// The instrument inside the organ's box, 5 mm over the surface: nothing touches.
+// The instrument at a corner of the organ's box, where a kidney is not: nothing touches.
 std::vector<Value> clear(int nodes, Storage storage) {
   scenes::Kidney kidney = scenes::pad_kidney(nodes);
   Organ organ = bake(std::move(kidney.mesh), std::move(kidney.materials), std::move(kidney.anchors), 0, {},
@@ -82,7 +86,6 @@ std::vector<Value> clear(int nodes, Storage storage) {
   model.instruments.push_back({"ball", ball, surface_of_primitive(ball)});
   State state = make_state(model);
   const auto tick_at = [&](double k) {
-    // Over a corner of the box, where a kidney is not.
     tick(model, state,
          {0,
           {},
@@ -96,8 +99,9 @@ std::vector<Value> clear(int nodes, Storage storage) {
   return {{1e3 * timer.seconds(), "", no_peer, fmt::format("{} surface nodes", model.organ.surface_size())}};
 }
 
-// What a ring about the organ adds to the ticks of a ball that presses it: the ring touches nothing, but all
-// of the organ is in its box (T 7.2 point 2, a teapot in a stadium).
+// What a ring about the organ adds to the ticks of a ball that is dragged over it: the ring touches nothing,
+// but all of the organ is in its box (T 7.2 point 2, a teapot in a stadium). Both move in every tick, the
+// ring by 0.1 mm; surfaces are as old as in a loop of 120 a second.
 std::vector<Value> ring(int nodes, Storage storage) {
   scenes::Kidney kidney = scenes::pad_kidney(nodes);
   scenes::Press press =
@@ -120,20 +124,28 @@ std::vector<Value> ring(int nodes, Storage storage) {
   for (int k = 0; k < 100; ++k) step(both, states[1], {0, {}, {press.at(1e-2 * depth * (k + 1)), about}});
   step(press.model, states[0], {0, {}, {press.at(depth)}});
   step(both, states[1], {0, {}, {press.at(depth), about}});
-  for (int k = 0; k < 2000; ++k)
+  std::array<Surface, 2> surfaces{states[0].surface, states[1].surface};
+  Deformer deformer(press.model.organ);
+  std::vector<double> more;
+  for (int k = 0; k < 4000; ++k) {
+    const double way = 2e-3 * std::sin(0.05 * k);
     for (std::size_t i = 0; i < 2; ++i) {
-      Input input{0, {}, {press.at(depth)}};  // held, so that little else varies
-      if (i == 1) input.instruments.push_back(about);
+      Input input{0, {}, {press.at(depth, way)}};
+      if (i == 1) input.instruments.push_back({about.rotation, about.translation + Vec3(0, 0, 0.5 * way)});
       const Timer timer = thread_timer();
-      tick(i == 0 ? press.model : both, states[i], input, states[i].surface);
-      ms[i].push_back(timer.seconds());
+      tick(i == 0 ? press.model : both, states[i], input, surfaces[i]);
+      ms[i].push_back(1e3 * timer.seconds());
+      if (k % 8 == 7) deform(press.model, states[i].loads, deformer, surfaces[i], states[i]);
     }
-  std::size_t touching = 0;
-  for (const Contact& c : states[1].contacts) touching += c.instrument == 1;
-  if (touching > 0) throw Error(ErrorKind::internal, "the ring touches");
-  return {{1e6 * (median(ms[1]) - median(ms[0])), "", no_peer,
-           fmt::format("beside {} contacts, whose ticks take {:.3g} ms", states[0].contacts.size(),
-                       1e3 * median(ms[0]))}};
+    more.push_back(1e3 * (ms[1].back() - ms[0].back()));
+    for (const Contact& c : states[1].contacts)
+      if (c.instrument == 1) throw Error(ErrorKind::internal, "the ring touches");
+  }
+  const double typical = median(more);
+  std::sort(more.begin(), more.end());
+  return {{typical, "", no_peer,
+           fmt::format("beside {} contacts, whose ticks take {:.3g} ms; at 99 % of the ticks {:.3g} us",
+                       states[0].contacts.size(), median(ms[0]), more[more.size() * 99 / 100])}};
 }
 
 }  // namespace
