@@ -1,9 +1,9 @@
-// Two recordings and the model they were made with, kept here (scene.toml; scene_rough.toml: friction, a
-// grip, places between nodes): the same bits on every machine, with and without threads. The model was made
-// by
+// Three recordings and the model they were made with, kept here (scene.toml; scene_rough.toml: friction, a
+// grip, places between nodes; scene_lattice.toml: a lattice, made on the way): the same bits on every
+// machine, with and without threads. The model was made by
 //   palpate precompute BLOCK -o block.h5 --material 10e3,0.45 --anchor "half-space 0 0 0.001 0 0 1"
 // and the recordings, here, by
-//   for s in "" _rough; do palpate simulate scene$s.toml -o OUT --record recording$s.h5; done
+//   for s in "" _rough _lattice; do palpate simulate scene$s.toml -o OUT --record recording$s.h5; done
 // A change that means to alter forces makes them anew.
 #include <gtest/gtest.h>
 
@@ -71,6 +71,10 @@ struct ReplayRough : Replay {
   ReplayRough() : Replay("_rough") {}
 };
 
+struct ReplayLattice : Replay {
+  ReplayLattice() : Replay("_lattice") {}
+};
+
 TEST_F(Replay, StepByStep) {
   EXPECT_EQ(recording.organ(), model.organ.hash);
   EXPECT_EQ(recording.ticks(), 1051u);
@@ -88,6 +92,13 @@ TEST_F(Replay, OneBitOfOnePoseIsSeen) {
 
 TEST_F(Replay, InTheForceLoop) { replay_in_the_force_loop(); }
 TEST_F(ReplayRough, InTheForceLoop) { replay_in_the_force_loop(); }
+TEST_F(ReplayLattice, InTheForceLoop) { replay_in_the_force_loop(); }
+
+TEST_F(ReplayLattice, StepByStep) {
+  EXPECT_EQ(recording.ticks(), 301u);
+  EXPECT_EQ(first_difference([](std::uint64_t) {}), recording.ticks());
+  EXPECT_GE(state.contacts.size(), 2u);
+}
 
 TEST_F(ReplayRough, StepByStep) {
   int closed = 0, opened = 0, between = 0;  // ticks
