@@ -148,6 +148,7 @@ void run_simulate(const SimulateOptions& options, const Console& console) {
                          scene.models.size() > 1 ? fmt::format(" of {} organs", scene.models.size()) : "",
                          instruments, scene.steps, human_time(scene.dt)),
              timer.seconds(), bytes);
+  for (const std::string& text : advice(scene)) console.line("note        " + text);
   Recording replay, record;
   if (!options.replay.empty()) {
     replay = Recording::read(options.replay);

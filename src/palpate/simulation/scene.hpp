@@ -46,4 +46,10 @@ struct Scene {
 // tetrahedra is padded and precomputed, an instrument given as a surface becomes a lattice.
 Scene read_scene(const std::filesystem::path& path, int threads = 0, const Progress& progress = {});
 
+// What the author of a scene may not have thought of, a sentence each: instruments that are thick by their
+// box, but in places thinner than the organs' triangles, where they are felt at nodes only (Instrument::tip).
+std::vector<std::string> advice(const Scene& scene);
+// How thin a solid is through its surface's triangles, m; `most` where it is nowhere thinner.
+double thinnest_part(const Instrument& instrument, double most);
+
 }  // namespace palpate

@@ -208,5 +208,47 @@ TEST_F(SceneFile, EveryMistakeIsOneClearLine) {
   }
 }
 
+// A cone of 20 mm, its tip to -z: thick by its box, and its tip is lost between nodes unless that is said.
+TEST(Advice, IsOfTipsThatNodesMiss) {
+  TriangleMesh cone;
+  cone.vertices = {Vec3(0, 0, -0.03), Vec3(0, 0, 0)};
+  for (Index k = 0; k < 24; ++k) {
+    const double angle = 2 * M_PI * k / 24;
+    cone.vertices.push_back(Vec3(0.01 * std::cos(angle), 0.01 * std::sin(angle), 0));
+    const Index next = 2 + (k + 1) % 24;
+    cone.triangles.push_back({0, next, 2 + k}), cone.triangles.push_back({1, 2 + k, next});
+  }
+  ASSERT_GT(volume(cone), 0);
+  const Shape ball = Sphere{0.01}, box = Cuboid{Vec3(0.01, 0.01, 0.01)}, needle = Capsule{1e-3, 0.02},
+              lattice = lattice_of(cone, 0.5e-3);
+  Scene scene;
+  scene.models.push_back(block_model(20, ball));  // 5 mm between nodes
+  Model& model = scene.models[0];
+  model.instruments = {{"ball", ball, surface_of_primitive(ball)},
+                       {"box", box, surface_of_primitive(box)},
+                       {"needle", needle, surface_of_primitive(needle)},
+                       {"cone", lattice, cone},
+                       {"known", lattice, cone, 1e-3}};
+  const std::vector<std::string> texts = advice(scene);
+  ASSERT_EQ(texts.size(), 1u);
+  EXPECT_NE(texts[0].find("'cone'"), std::string::npos) << texts[0];
+  EXPECT_NE(texts[0].find("tip = "), std::string::npos) << texts[0];
+  const double thin = thinnest_part(model.instruments[3], 0.01);
+  EXPECT_GT(thin, 0.5e-3);
+  EXPECT_LT(thin, 2.5e-3);  // a tenth from its tip it is 2 mm wide
+  EXPECT_EQ(thinnest_part(model.instruments[0], 0.01), 0.01);
+
+  // What it is about: in the middle of a triangle, 0.8 mm deep.
+  double felt[2];
+  for (const double tip : {0.0, 1e-3}) {
+    model.instruments = {{"cone", lattice, cone, tip}};
+    State state = make_state(model);
+    step(model, state, at(Vec3(1.7e-3, 1.2e-3, 0.1 + 0.03 - 0.8e-3)));
+    felt[tip > 0] = state.wrenches[0].force.z();
+  }
+  EXPECT_EQ(felt[0], 0);
+  EXPECT_GT(felt[1], 0);
+}
+
 }  // namespace
 }  // namespace palpate
