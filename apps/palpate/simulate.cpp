@@ -77,7 +77,8 @@ void run_in_loop(const Scene& scene, const SimulateOptions& options, Recording* 
   const double dt = tick_of(scene, options);
   const double begin = scene.motion.motion.times.front(), length = scene.motion.motion.times.back() - begin;
   settings.ticks = ticks_of(scene, options, replay);
-  settings.idle_ticks = std::min(settings.ticks, std::max<std::uint64_t>(settings.ticks / 10, 10000));
+  settings.idle_ticks =
+      std::min(settings.ticks, std::clamp<std::uint64_t>(settings.ticks / 10, 10000, 100000));
   std::error_code failure;
   std::filesystem::create_directories(options.output, failure);
   AtomicFile file(options.output / "summary.json");  // opened first: a wrong path is no news after the run

@@ -29,8 +29,8 @@ double longest_edge(const TriangleMesh& mesh) {
   return longest;
 }
 
-// From a point of the surface through the solid in strides of at least `least`, m; `most` where it is no
-// less, or where the solid is not known, as a lattice rounds off what is finer than its cells.
+// From a point of the surface through the solid, m; `most` where it is no less, or where the solid is not
+// known `least` below its surface: a lattice rounds off what is finer than its cells.
 double way_through(const Shape& shape, const Vec3& from, const Vec3& inwards, double least, double most) {
   for (double way = least; way < most;) {
     const double d = distance(shape, from + way * inwards);
@@ -46,7 +46,7 @@ double thinnest_part(const Instrument& instrument, double most) {
   const TriangleMesh& mesh = instrument.surface;
   // Each triangle in its middle and near its corners, where a tip is.
   constexpr double near = 0.9, far = 0.5 * (1 - near);
-  const double least = 0.02 * most;
+  const double least = 2e-3 * most;
   for (const Triangle& t : mesh.triangles) {
     const Vec3 area = area_vector(mesh, t);
     if (!(area.norm() > 0)) continue;
@@ -71,12 +71,13 @@ std::vector<std::string> advice(const Scene& scene) {
     if (instrument.tip > 0 || instrument.surface.triangles.empty() || middle_side(instrument.surface) < fine)
       continue;
     const double thin = thinnest_part(instrument, fine);
+    const double said = 0.95 * thin;  // whichever way it is rounded, it is fine
     if (thin < fine)
       out.push_back(fmt::format(
           "instrument '{}' is thin in places ({:.2g} mm) beside the organ's triangles (edges of up to {:.2g} "
           "mm) and felt at "
           "their nodes only; tip = \"{:.2g} mm\" makes it felt between them, too (docs/contact.md)",
-          instrument.name, 1e3 * thin, 1e3 * edge, 1e3 * thin));
+          instrument.name, 1e3 * thin, 1e3 * edge, 1e3 * said));
   }
   return out;
 }

@@ -280,12 +280,13 @@ std::string loop_table(const LoopReport& r) {
   };
   std::string out = fmt::format("  {:<28} {:>8} {:>8} {:>8} {:>8}\n", "", "p50", "p99", "p99.9", "worst");
   out += row("tick, CPU time", r.ticks.cpu, "");
-  out += row("tick, due to done", r.ticks.wall,
-             fmt::format("   {} of {} after the next was due", r.ticks.missed, r.ticks.wall.count()));
+  out += row(
+      "tick, due to done", r.ticks.wall,
+      fmt::format("   {} after the next was due or left out, {} run", r.ticks.missed, r.ticks.wall.count()));
   if (r.idle.wall.count() > 0) {
     out += row("empty tick, CPU time", r.idle.cpu, "");
     out += row("empty tick, due to done", r.idle.wall,
-               fmt::format("   {} of {}: the machine's own", r.idle.missed, r.idle.wall.count()));
+               fmt::format("   {}, {} run: the machine's own", r.idle.missed, r.idle.wall.count()));
   }
   if (r.frames > 0)
     out += row("surface", r.surface,

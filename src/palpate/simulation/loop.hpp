@@ -56,7 +56,8 @@ struct OrgansHooks {
 struct LoopTimes {
   Histogram wall;  // s, from when the tick was due to its end: what a device sees
   Histogram cpu;   // s, CPU time of its thread
-  // Ticks that ended after the next was due, and those left out where the loop was more than 100 behind.
+  // Ticks that ended after the next was due, and those left out where the loop was more than 100 behind,
+  // which are in no histogram.
   std::uint64_t missed = 0;
 };
 struct LoopReport {

@@ -21,7 +21,7 @@ struct Instrument {
 };
 
 enum class Mode : std::uint8_t {
-  unilateral,  // gap >= 0, pressure >= 0, gap * pressure = 0; and Coulomb friction (default)
+  unilateral,  // gap >= 0, pressure >= 0, gap * pressure = 0 (default); Settings::friction
   prescribed,  // the thesis: touched nodes are moved onto the instrument's surface; may pull (T 4.3.2)
   gaussian,    // no collision: a bell of force about the instrument's origin, along its -z (T fig. 6.3)
   imprint      // no elasticity: touched nodes are moved onto the surface and stay (T fig. 6.4)
@@ -58,7 +58,8 @@ struct Input {
 enum StatusBits : std::uint32_t {
   status_ok = 0,
   not_converged = 1,      // tolerance not reached within max_relinearisations
-  too_many_contacts = 2,  // more than max_contacts
+  too_many_contacts = 2,  // more than max_contacts; in modes gaussian and imprint, which have room for each
+                          // surface node, only some are not in the list
   bad_input = 4,  // a pose that is no number or 1,000 km away, wrong number of poses or grips: the tick was
                   // skipped, the state kept
   anchor_touched =

@@ -62,7 +62,7 @@ void press(const char* what, const Shape& shape, const Eigen::Quaterniond& turn,
         "%.2f\n",
         what, order, ticks, missed, rest, state.contacts.size(), state.wrenches[0].force.norm(),
         state.surface.strains.largest);
-    EXPECT_LE(missed, ticks == 1) << what;  // but for the jump
+    EXPECT_LE(missed, ticks == 1) << what;  // but for the tick that goes 30 mm deep at once
     EXPECT_LE(rest, 1) << what;
     for (int k = 0; k < 20; ++k) {
       step(model, state, input);
