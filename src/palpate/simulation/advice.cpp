@@ -46,7 +46,7 @@ double thinnest_part(const Instrument& instrument, double most) {
   const TriangleMesh& mesh = instrument.surface;
   // Each triangle in its middle and near its corners, where a tip is.
   constexpr double near = 0.9, far = 0.5 * (1 - near);
-  const double least = 2e-3 * most;
+  const double least = std::min(finest(instrument.shape), 0.02 * most);
   for (const Triangle& t : mesh.triangles) {
     const Vec3 area = area_vector(mesh, t);
     if (!(area.norm() > 0)) continue;

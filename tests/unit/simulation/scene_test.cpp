@@ -237,6 +237,8 @@ TEST(Advice, IsOfTipsThatNodesMiss) {
   EXPECT_GT(thin, 0.5e-3);
   EXPECT_LT(thin, 2.5e-3);  // a tenth from its tip it is 2 mm wide
   EXPECT_EQ(thinnest_part(model.instruments[0], 0.01), 0.01);
+  const Shape sheet = Cuboid{Vec3(0.01, 0.01, 0.025e-3)};
+  EXPECT_NEAR(thinnest_part({"sheet", sheet, surface_of_primitive(sheet)}, 0.01), 0.05e-3, 1e-6);
 
   // What it is about: in the middle of a triangle, 0.8 mm deep.
   double felt[2];
