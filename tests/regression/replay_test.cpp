@@ -41,6 +41,11 @@ struct Replay : ::testing::Test {
     return recording.ticks();
   }
 
+  bool touches_between_nodes() const {
+    return std::any_of(state.contacts.begin(), state.contacts.end(),
+                       [](const Contact& c) { return c.triangle >= 0; });
+  }
+
   void replay_in_the_force_loop() {
     for (const double rate : {0.0, 2000.0}) {
       State own = make_state(model);
@@ -97,11 +102,7 @@ TEST_F(ReplayLattice, InTheForceLoop) { replay_in_the_force_loop(); }
 TEST_F(ReplayLattice, StepByStep) {
   EXPECT_EQ(recording.ticks(), 301u);
   int between = 0;  // ticks
-  EXPECT_EQ(first_difference([&](std::uint64_t) {
-              between += std::any_of(state.contacts.begin(), state.contacts.end(),
-                                     [](const Contact& c) { return c.triangle >= 0; });
-            }),
-            recording.ticks());
+  EXPECT_EQ(first_difference([&](std::uint64_t) { between += touches_between_nodes(); }), recording.ticks());
   EXPECT_GT(between, 200);
   EXPECT_GE(state.contacts.size(), 2u);
 }
@@ -110,8 +111,7 @@ TEST_F(ReplayRough, StepByStep) {
   int closed = 0, opened = 0, between = 0;  // ticks
   const auto look = [&](std::uint64_t) {
     closed += state.grasps.empty() && input.grips[0], opened += !state.grasps.empty() && !input.grips[0];
-    between += std::any_of(state.contacts.begin(), state.contacts.end(),
-                           [](const Contact& c) { return c.triangle >= 0; });
+    between += touches_between_nodes();
   };
   EXPECT_EQ(recording.ticks(), 301u);
   EXPECT_EQ(first_difference(look), recording.ticks());

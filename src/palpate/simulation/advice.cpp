@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 
 #include "palpate/simulation/places.hpp"
 #include "palpate/simulation/scene.hpp"
@@ -12,22 +12,6 @@
 namespace palpate {
 
 namespace {
-
-double middle_side(const TriangleMesh& mesh) {
-  Vec3 sides = bounding_box(mesh.vertices).size();
-  std::sort(sides.begin(), sides.end());
-  return sides[1];
-}
-
-double longest_edge(const TriangleMesh& mesh) {
-  double longest = 0;
-  for (const Triangle& t : mesh.triangles)
-    for (std::size_t k = 0; k < 3; ++k)
-      longest = std::max(longest, (mesh.vertices[static_cast<std::size_t>(t[k])] -
-                                   mesh.vertices[static_cast<std::size_t>(t[(k + 1) % 3])])
-                                      .norm());
-  return longest;
-}
 
 // From a point of the surface through the solid, m; `most` where it is no less, or where the solid is not
 // known `least` below its surface: a lattice rounds off what is finer than its cells.
@@ -62,21 +46,22 @@ double thinnest_part(const Instrument& instrument, double most) {
 }
 
 std::vector<std::string> advice(const Scene& scene) {
-  double edge = 0;
-  for (const Model& model : scene.models) edge = std::max(edge, longest_edge(model.organ.surface));
-  const double fine = 2 * fine_enough * edge;
   std::vector<std::string> out;
   if (scene.models[0].settings.mode != Mode::unilateral) return out;
+  double edge = 0;
+  for (const Model& model : scene.models) edge = std::max(edge, longest_edge(model.organ));
+  const double fine = 2 * fine_enough * edge;
   for (const Instrument& instrument : scene.models[0].instruments) {
-    if (instrument.tip > 0 || instrument.surface.triangles.empty() || middle_side(instrument.surface) < fine)
+    if (instrument.tip > 0 || instrument.surface.triangles.empty() ||
+        middle_side(bounding_box(instrument.surface.vertices)) < fine)
       continue;
     const double thin = thinnest_part(instrument, fine);
     const double said = 0.95 * thin;  // whichever way it is rounded, it is fine
     if (thin < fine)
       out.push_back(fmt::format(
           "instrument '{}' is thin in places ({:.2g} mm) beside the organ's triangles (edges of up to {:.2g} "
-          "mm) and felt at "
-          "their nodes only; tip = \"{:.2g} mm\" makes it felt between them, too (docs/contact.md)",
+          "mm) and felt at their nodes only; tip = \"{:.2g} mm\" makes it felt between them, too "
+          "(docs/contact.md)",
           instrument.name, 1e3 * thin, 1e3 * edge, 1e3 * said));
   }
   return out;

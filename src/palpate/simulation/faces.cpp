@@ -9,13 +9,13 @@
 
 namespace palpate {
 
-namespace {
-
 double middle_side(const Box& box) {
   Vec3 sides = box.size();
   std::sort(sides.begin(), sides.end());
   return sides[1];
 }
+
+namespace {
 
 // The middle side of a solid's box, m. A lattice's own box has a margin: what is in it is looked for where
 // the distance allows for a surface, to `fine` m, until it is thicker than `blunt`.
@@ -93,10 +93,15 @@ void find_beside(const TriangleMesh& surface, std::vector<Face>& faces) {
 
 }  // namespace
 
+double longest_edge(const Organ& organ) {
+  double longest = 0;
+  for (const Triangle& t : organ.surface.triangles) longest = std::max(longest, face_of(organ, t).longest);
+  return longest;
+}
+
 Faces::Faces(const Organ& organ, std::span<const Instrument> instruments, const Clusters& clusters) {
   const TriangleMesh& surface = organ.surface;
-  double longest = 0;
-  for (const Triangle& t : surface.triangles) longest = std::max(longest, face_of(organ, t).longest);
+  const double longest = longest_edge(organ);
   for (const Instrument& i : instruments) {
     const double blunt = 2 * fine_enough * longest, fine = std::max(0.5 * finest(i.shape), 0.02 * longest);
     const double thick = i.tip > 0 ? i.tip : thickness_of(i, fine, blunt);

@@ -6,6 +6,18 @@
 
 namespace palpate {
 
+namespace {
+
+// Lists a contact, if there is room.
+void list(State& state, const Contact& c) noexcept {
+  if (state.contacts.size() == state.contacts.capacity())
+    state.status |= too_many_contacts;
+  else
+    state.contacts.push_back(c);
+}
+
+}  // namespace
+
 // A bell of force about the instrument's origin along its -z (T fig. 6.3): weight area * exp(-r^2 / 2
 // radius^2), cut at 3 radii.
 void gaussian(const Model& model, State& state) {
@@ -42,15 +54,11 @@ void gaussian(const Model& model, State& state) {
       loads.forces[at(place)] += force;
       const Vec3 point = state.organ * organ.contact_points[at(node)];  // at rest: where it goes is not known
       wrench.torque -= (point - state.instruments[i].translation).cross(state.organ.rotation * force);
-      if (state.contacts.size() == state.contacts.capacity()) {
-        state.status |= too_many_contacts;
-        continue;
-      }
       Contact c;
       c.node = node, c.instrument = static_cast<Index>(i);
       c.force_in_organ = force, c.force = state.organ.rotation * force;
       c.point = point;
-      state.contacts.push_back(c);
+      list(state, c);
     }
   }
 }
@@ -69,14 +77,10 @@ void imprint(const Model& model, State& state) {
                  p = project_to_surface(w.shapes[i], p, 0.1 * w.tolerance);
                  surface.displacement[n] = surface.reading[n] =
                      (p - model.organ.contact_points[n]).cast<float>();
-                 if (state.contacts.size() == state.contacts.capacity()) {
-                   state.status |= too_many_contacts;
-                   return;
-                 }
                  Contact c;
                  c.node = node, c.instrument = static_cast<Index>(i), c.gap_before = d,
                  c.gap_after = w.shapes[i].distance(p), c.point = state.organ * p;
-                 state.contacts.push_back(c);
+                 list(state, c);
                });
   surface.bounds.update(*surface.clusters, surface.positions);
   surface.loads.u_known = false;  // it is not what they do

@@ -25,6 +25,11 @@ constexpr double felt_from = 0.1;
 // What is thicker than this share of a triangle's longest edge meets its nodes.
 constexpr double fine_enough = 0.4;
 
+// How thick an instrument is by its box, m: a needle is thin in two directions.
+double middle_side(const Box& box);
+// Of the triangles between contact points, at rest, m.
+double longest_edge(const Organ& organ);
+
 // A triangle between contact points, at rest.
 struct Face {
   Vec3 normal = Vec3::Zero();                  // outwards, unit

@@ -77,17 +77,22 @@ TEST(Loop, AsFastAsItGoesUntilTheTicksAreDone) {
   EXPECT_EQ(report.ticks.missed, 0u);
 }
 
-TEST(Loop, LateTicksAreCountedAndTheLoopGoesOn) {
+// Tick `slow` takes so many milliseconds.
+LoopReport with_a_delay(std::uint64_t ticks, std::uint64_t slow, int ms) {
   const Model model = block_model(4, Sphere{0.02});
   State state = make_state(model);
   LoopSettings settings;
-  settings.ticks = 100;
+  settings.ticks = ticks;
   LoopHooks hooks;
-  hooks.input = [](std::uint64_t k, const State&, Input& in) {
-    if (k == 50) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  hooks.input = [=](std::uint64_t k, const State&, Input& in) {
+    if (k == slow) std::this_thread::sleep_for(std::chrono::milliseconds(ms));
     return press(0, in), true;
   };
-  const LoopReport report = run_loop(model, state, settings, hooks);
+  return run_loop(model, state, settings, hooks);
+}
+
+TEST(Loop, LateTicksAreCountedAndTheLoopGoesOn) {
+  const LoopReport report = with_a_delay(100, 50, 20);
   EXPECT_GE(report.ticks.missed, 15u);  // it catches up, tick by tick
   EXPECT_GE(report.ticks.wall.worst(), 0.019);
   EXPECT_EQ(report.ticks.wall.count(), 100u);
@@ -95,16 +100,7 @@ TEST(Loop, LateTicksAreCountedAndTheLoopGoesOn) {
 
 // So far behind that it does not catch up: what it leaves out is missed, too.
 TEST(Loop, TicksThatAreLeftOutAreMissed) {
-  const Model model = block_model(4, Sphere{0.02});
-  State state = make_state(model);
-  LoopSettings settings;
-  settings.ticks = 20;
-  LoopHooks hooks;
-  hooks.input = [](std::uint64_t k, const State&, Input& in) {
-    if (k == 10) std::this_thread::sleep_for(std::chrono::milliseconds(250));
-    return press(k, in), true;
-  };
-  const LoopReport report = run_loop(model, state, settings, hooks);
+  const LoopReport report = with_a_delay(20, 10, 250);
   EXPECT_GE(report.ticks.missed, 245u);
   EXPECT_EQ(report.ticks.wall.count(), 20u);
 }
